@@ -1,0 +1,1 @@
+"""Accuracy against time for rendering under environment maps."""

@@ -1,0 +1,34 @@
+"""What a suite may name: the contract that `benchmarks` fulfils and the engine calls."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Protocol
+
+from envbench.method import Method
+from envbench.reference import Reference, ReferenceSettings
+from envbench.scene import Scene
+
+Spec = Mapping[str, Any]
+"""A thing of a suite as TOML gives it, e.g. ``{"kind": "file", "path": "grace.exr"}``; picklable."""
+
+
+class Catalogue(Protocol):
+    """Names to things. A name or table that is not understood raises `envbench.errors.BadInput`."""
+
+    methods: Mapping[str, type[Method]]
+    suites: Mapping[str, Path]
+    lights: Mapping[str, Spec]
+    materials: Mapping[str, Spec]
+    geometries: Mapping[str, Spec]
+    views: Mapping[str, Spec]
+    """Point sets: uniform (R, V) queries, images seen by a viewer."""
+
+    def scene(self, *, name: str, light: Spec, material: Spec, geometry: Spec, view: Spec) -> Scene:
+        """Build a scene; raises `BadInput` for what cannot be read or makes no sense."""
+        ...
+
+    def reference(self, scene: Scene, settings: ReferenceSettings, cache: Path | None) -> Reference:
+        """Return ground truth, from `cache` where it holds it."""
+        ...

@@ -1,0 +1,138 @@
+"""Shapes, the points on them that are asked about, and who looks."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from envbench.directions import Array, reflect
+from envbench.errors import BadInput
+from envbench.material import Centre
+
+
+@dataclass(frozen=True, eq=False)
+class TriangleMesh:
+    """Triangles in the rest pose: `vertices` (V, 3), `triangles` (F, 3) int, `normals` (V, 3), `uv` (V, 2) or None."""
+
+    vertices: Array
+    triangles: NDArray[np.int32]
+    normals: Array
+    uv: Array | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Geometry:
+    """A shape.
+
+    Attributes
+    ----------
+    mesh : TriangleMesh or None
+        None is the unit sphere about the origin, in closed form.
+    convex : bool
+        True where no point can shadow another, so that no visibility ray is needed.
+    """
+
+    name: str
+    mesh: TriangleMesh | None = None
+    convex: bool = True
+
+    @cached_property
+    def key(self) -> str:
+        """Content address of the shape."""
+        if self.mesh is None:
+            return "unit sphere"
+        parts = (self.mesh.vertices, self.mesh.triangles, self.mesh.normals)
+        return hashlib.sha256(b"".join(a.tobytes() for a in parts) + bytes([self.convex])).hexdigest()
+
+
+@dataclass(frozen=True)
+class Viewer:
+    """Who looks: either a distant `direction` (from the surface to the viewer), or an `eye` at a finite place.
+
+    `axis` is the camera's forward direction where there is an eye.
+    """
+
+    direction: tuple[float, float, float] | None = None
+    eye: tuple[float, float, float] | None = None
+    axis: tuple[float, float, float] | None = None
+
+    def __post_init__(self) -> None:
+        if (self.direction is None) == (self.eye is None):
+            raise BadInput("a viewer is either a distant direction or an eye; give exactly one of them.")
+
+
+@dataclass(frozen=True, eq=False)
+class Points:
+    """The queries that a method answers, and the reference answers the same ones.
+
+    Attributes
+    ----------
+    position, normal, geometric_normal, tangent, view : (n, 3) float64
+        Unit vectors but `position`; `normal` is the shading normal, `view` points to the viewer.
+    weight : (n,)
+        Quadrature weight: what an error averages over. Sums to 1.
+    rotation : (n, 3, 3) or None
+        Rest-to-posed rotation; None is the identity.
+    triangle : (n,) int or None; barycentric : (n, 3) or None; uv : (n, 2) or None
+    material, pose : (n,) int or None
+        Indices; None is all zero.
+    pixel : (n, 2) int or None
+        Row and column in an image of `image_shape` (H, W), where the points form one.
+    """
+
+    position: Array
+    normal: Array
+    geometric_normal: Array
+    tangent: Array
+    view: Array
+    weight: Array
+    rotation: Array | None = None
+    triangle: NDArray[np.int32] | None = None
+    barycentric: Array | None = None
+    uv: Array | None = None
+    material: NDArray[np.int32] | None = None
+    pose: NDArray[np.int32] | None = None
+    pixel: NDArray[np.int32] | None = None
+    image_shape: tuple[int, int] | None = None
+
+    def __post_init__(self) -> None:
+        n = len(self.weight)
+        for name in ("position", "normal", "geometric_normal", "tangent", "view"):
+            if getattr(self, name).shape != (n, 3):
+                raise BadInput(f"points.{name} must have shape ({n}, 3). Got {getattr(self, name).shape} instead.")
+
+    def __len__(self) -> int:
+        return len(self.weight)
+
+    @cached_property
+    def reflection(self) -> Array:
+        """R = 2 (N.V) N - V, shape (n, 3)."""
+        return reflect(self.view, self.normal)
+
+    def central(self, centre: Centre) -> Array:
+        """Return the central direction of a lobe at each point, (n, 3)."""
+        match centre:
+            case Centre.REFLECTION:
+                return self.reflection
+            case Centre.NORMAL:
+                return self.normal
+            case Centre.TANGENT:
+                return self.tangent
+
+    def image(self, values: NDArray[np.floating], empty: float = np.nan) -> NDArray[np.floating]:
+        """Lay per-point `values` (n, C) out as an image (H, W, C); pixels without a point hold `empty`."""
+        if self.pixel is None or self.image_shape is None:
+            raise BadInput("these points form no image; score them as a point set.")
+        out = np.full((*self.image_shape, *values.shape[1:]), empty, dtype=values.dtype)
+        out[self.pixel[:, 0], self.pixel[:, 1]] = values
+        return out
+
+    @cached_property
+    def key(self) -> str:
+        """Content address of the queries as a reference sees them."""
+        parts = (self.position, self.normal, self.geometric_normal, self.tangent, self.view)
+        return hashlib.sha256(b"".join(np.ascontiguousarray(a, np.float64).tobytes() for a in parts)).hexdigest()

@@ -1,0 +1,100 @@
+"""What reflects: a BRDF as a sum of lobes, each about its own central direction (RH 2002, sec. 3.1)."""
+
+from __future__ import annotations
+
+import hashlib
+import inspect
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from enum import StrEnum
+from functools import cached_property
+from typing import Any, ClassVar
+
+import numpy as np
+
+from envbench.arrays import dot, namespace
+from envbench.errors import BadInput
+
+
+class Centre(StrEnum):
+    """The central direction of a lobe."""
+
+    REFLECTION = "R"
+    NORMAL = "N"
+    TANGENT = "T"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Lobe(ABC):
+    """One lobe rho_hat = rho * max(N.L, 0) of a BRDF, the cosine included (RH 2002, eq. 2).
+
+    All vectors are component-first (`envbench.arrays`), unit, and point away from the surface: `light` L, `view` V,
+    `centre` C (R, N or T by `Lobe.centre`) and `normal` N. A formula is written once, for NumPy and Dr.Jit.
+
+    Attributes
+    ----------
+    reflectance : (r, g, b)
+        Scales the lobe.
+    clipped : bool
+        True: zero where N.L <= 0, as an opaque surface is. False: whole, as the papers integrate it.
+    """
+
+    reflectance: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    clipped: bool = True
+
+    centre: ClassVar[Centre]
+    channels: ClassVar[int] = 1
+    """Values that `profile` returns: 1 where the shape is the same for r, g and b, else 3."""
+
+    def __post_init__(self) -> None:
+        if len(self.reflectance) != 3 or not all(np.isfinite(r) and r >= 0 for r in self.reflectance):
+            raise BadInput(f"reflectance must be three finite numbers >= 0. Got {self.reflectance} instead.")
+
+    @property
+    def radially_symmetric(self) -> bool:
+        """Whether the lobe, clipping included, depends on C.L alone, so that P = 0 is exact."""
+        return False
+
+    @abstractmethod
+    def profile(self, light: Any, view: Any, centre: Any, normal: Any) -> tuple[Any, ...]:
+        """Return the whole lobe's value in 1/sr, before `reflectance` and clipping: `channels` arrays."""
+
+    @abstractmethod
+    def sample(self, u: tuple[Any, Any], view: Any, centre: Any, normal: Any) -> tuple[Any, Any, Any]:
+        """Map two uniform numbers to a direction of the whole lobe; a zero vector where there is none."""
+
+    @abstractmethod
+    def density(self, light: Any, view: Any, centre: Any, normal: Any) -> Any:
+        """Return the probability density, per sr, with which `sample` draws `light`."""
+
+    @abstractmethod
+    def cone(self, eps: float) -> float:
+        """Return the half-angle in (0, pi] about C that holds 1 - eps of the whole lobe's integral, for any view."""
+
+    def evaluate(self, light: Any, view: Any, centre: Any, normal: Any) -> tuple[Any, Any, Any]:
+        """Return rho_hat for r, g and b, in 1/sr, clipped if the lobe is."""
+        xp = namespace(light[0], view[0], centre[0], normal[0])
+        values = self.profile(light, view, centre, normal)
+        if self.clipped:
+            above = dot(normal, light) > 0
+            values = tuple(xp.where(above, v, 0.0) for v in values)
+        r, g, b = values * 3 if self.channels == 1 else values
+        return r * self.reflectance[0], g * self.reflectance[1], b * self.reflectance[2]
+
+
+@dataclass(frozen=True)
+class Material:
+    """A BRDF: the sum of its lobes."""
+
+    name: str
+    lobes: tuple[Lobe, ...]
+
+    def __post_init__(self) -> None:
+        if not self.lobes:
+            raise BadInput(f"material '{self.name}' has no lobe; give it at least one.")
+
+    @cached_property
+    def key(self) -> str:
+        """Content address: the lobes' parameters and the source code of their formulae."""
+        text = [repr(lobe) + inspect.getsource(inspect.getmodule(type(lobe)) or type(lobe)) for lobe in self.lobes]
+        return hashlib.sha256("\0".join(text).encode()).hexdigest()

@@ -1,0 +1,139 @@
+"""What a run leaves behind: plain, picklable records that the store keeps and the report reads."""
+
+from __future__ import annotations
+
+import statistics
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+class Status(StrEnum):
+    """How a cell ended."""
+
+    OK = "ok"
+    DECLINED = "declined"
+    FAILED = "failed"
+    CRASHED = "crashed"
+    TIMED_OUT = "timed out"
+    OUT_OF_MEMORY = "out of memory"
+
+
+class Phase(StrEnum):
+    """The steps of a method, in order."""
+
+    PREPARE = "prepare"
+    RELIGHT = "relight"
+    FRAME = "frame"
+    SHADE = "shade"
+
+
+@dataclass(frozen=True)
+class Timing:
+    """Seconds of one phase: the `first` call (kernel compilation included) and the interleaved `rounds` after it.
+
+    `prepare` is timed on its first call only if that takes long; `rounds` then is empty and the first call counts.
+    """
+
+    phase: Phase
+    first: float
+    rounds: tuple[float, ...] = ()
+
+    @property
+    def median(self) -> float:
+        """Median over the rounds, in seconds."""
+        return statistics.median(self.rounds) if self.rounds else self.first
+
+    @property
+    def spread(self) -> tuple[float, float]:
+        """Fastest and slowest round, in seconds."""
+        return (min(self.rounds), max(self.rounds)) if self.rounds else (self.first, self.first)
+
+
+@dataclass(frozen=True)
+class Score:
+    """One metric of one cell, with its 95 % interval where the metric has one (NaN bounds where it has none).
+
+    `jackknife` holds the K leave-one-out values, so that two methods scored against the same replicates can be compared
+    by the interval of their paired difference.
+    """
+
+    metric: str
+    value: float
+    low: float = float("nan")
+    high: float = float("nan")
+    below_floor: bool = False
+    jackknife: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True)
+class CellResult:
+    """One method with one set of settings on one scene.
+
+    `key` is the cell's content address within the plan (scene and its specs, method, settings, reference settings).
+    """
+
+    key: str
+    scene: str
+    method: str
+    settings: dict[str, Any]
+    status: Status
+    reason: str = ""
+    timings: tuple[Timing, ...] = ()
+    scores: tuple[Score, ...] = ()
+    bytes: int = 0
+    predicted_error: float | None = None
+    description: dict[str, Any] = field(default_factory=dict[str, Any])
+    lacks: tuple[str, ...] = ()
+    """Effects of the scene that the method does not simulate."""
+    image: NDArray[np.float32] | None = None
+    """(H, W, 3) where the points form an image; NaN where there is no point."""
+
+    @property
+    def label(self) -> str:
+        """Method and settings, as rows and legends name a cell."""
+        settings = ", ".join(f"{k}={v}" for k, v in self.settings.items())
+        return f"{self.method}({settings})" if settings else self.method
+
+
+@dataclass(frozen=True)
+class SceneResult:
+    """A scene of a run and its reference; `light`, `material`, `geometry`, `view` are names, `specs` what they meant."""
+
+    name: str
+    light: str
+    material: str
+    geometry: str
+    view: str
+    specs: dict[str, Any]
+    effects: tuple[str, ...]
+    points: int
+    reference_key: str
+    reference_floor: float
+    reference_target: float
+    reference_samples: int
+    reference_replicates: int
+    reference_seconds: float
+    reference_from_cache: bool
+    reference_rms: float
+    notes: tuple[str, ...] = ()
+    image: NDArray[np.float32] | None = None
+    """(H, W, 3) reference mean where the points form an image; NaN where there is no point."""
+
+
+@dataclass(frozen=True)
+class RunInfo:
+    """A run: what was asked, where, with which versions, and how it ended (`finished` None while it runs)."""
+
+    id: str
+    suite: str
+    suite_text: str
+    started: str
+    machine: dict[str, Any]
+    versions: dict[str, str]
+    finished: str | None = None
+    wall_seconds: float | None = None
+    overhead_seconds: float | None = None

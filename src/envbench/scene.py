@@ -1,0 +1,42 @@
+"""A scene: light, material, shape, queries, viewer, and the effects that ground truth simulates there."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from enum import StrEnum
+
+from envbench.environment import Environment
+from envbench.geometry import Geometry, Points, Viewer
+from envbench.material import Material
+
+
+class Effect(StrEnum):
+    """What light transport may have to account for beyond distant light on a point."""
+
+    VIEW_DEPENDENCE = "view dependence"
+    ANISOTROPY = "anisotropy"
+    SELF_SHADOWING = "self-shadowing"
+    INTERREFLECTION = "interreflection"
+    SUBSURFACE = "subsurface"
+    DEFORMATION = "deformation"
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """One thing to render.
+
+    Attributes
+    ----------
+    viewer : Viewer or None
+        None where every point has a view of its own (uniform queries).
+    effects : frozenset of Effect
+        What the reference simulates here; a method that lacks one is scored with the lack named.
+    """
+
+    name: str
+    environment: Environment
+    material: Material
+    geometry: Geometry
+    points: Points
+    viewer: Viewer | None = None
+    effects: frozenset[Effect] = field(default=frozenset())
