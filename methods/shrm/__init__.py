@@ -1,0 +1,132 @@
+"""Spherical harmonic reflection maps (Ramamoorthi and Hanrahan 2002), local form, read from stored maps."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from envbench import harmonics
+from envbench.directions import to_local
+from envbench.environment import Environment
+from envbench.errors import BadInput
+from envbench.geometry import Geometry, Points
+from envbench.material import Centre, Material
+from envbench.method import Method, Tolerance
+from envbench.scene import Scene
+from methods.shrm import lookup, maps
+from methods.shrm.coefficients import MAX_F, MAX_P, LobeCoefficients, expand
+
+ROWS_PER_ORDER = 4
+"""S / F where no S is given: bicubic lookup then errs by less than 1 % of the highest frequency (`lookup`)."""
+
+
+@dataclass(frozen=True)
+class PreparedLobe:
+    """A lobe's coefficients and the resolution of its maps."""
+
+    coefficients: LobeCoefficients
+    rows: int
+
+
+@dataclass(frozen=True, eq=False)
+class LobeMaps:
+    """The maps B_pq of one lobe under one light: `planes` (3, K, S, 2 S) in the layout of `methods.shrm.maps`."""
+
+    lobe: LobeCoefficients
+    planes: NDArray[np.floating]
+
+
+@dataclass(frozen=True)
+class Shrm(Method):
+    """Local SHRM: for each lobe, maps B_pq(alpha, beta) of its central direction, summed with Y_pq(theta_o, phi_o).
+
+    Parameters
+    ----------
+    eps : float
+        Energy of the BRDF that may be left out; F and P are the least orders that keep the rest.
+    order, view_order : int or None
+        F and P, if they are to be given instead.
+    rows : int
+        S; 0 takes 4 (F + 1), at least 16.
+    precision : {"float64", "float32"}
+    """
+
+    eps: float = 0.01
+    order: int | None = None
+    view_order: int | None = None
+    rows: int = 0
+    precision: str = "float64"
+
+    name = "shrm"
+    summary = "local spherical harmonic reflection maps, read from stored lat-long maps"
+    source = "Ramamoorthi and Hanrahan 2002, eqs. 5, 6 and 14, appendix C"
+
+    def __post_init__(self) -> None:
+        if not 0 < self.eps < 1:
+            raise BadInput(f"shrm: eps must lie in (0, 1). Got {self.eps} instead.")
+        for name, value, most in (("order", self.order, MAX_F), ("view_order", self.view_order, MAX_P)):
+            if value is not None and not 0 <= value <= most:
+                raise BadInput(f"shrm: {name} must lie in [0, {most}]. Got {value} instead.")
+        if self.rows and not 4 <= self.rows <= 4096:
+            raise BadInput(f"shrm: rows must be 0 (chosen from F) or lie in [4, 4096]. Got {self.rows} instead.")
+        if self.precision not in ("float64", "float32"):
+            raise BadInput(f"shrm: precision must be 'float64' or 'float32'. Got '{self.precision}' instead.")
+
+    def declines(self, scene: Scene) -> str | None:
+        if any(lobe.centre is Centre.TANGENT and lobe.clipped for lobe in scene.material.lobes):
+            return "a lobe about the tangent, clipped at the horizon, is no function of the angles to the tangent"
+        return None
+
+    def prepare(self, material: Material, geometry: Geometry) -> tuple[PreparedLobe, ...]:
+        expanded = (expand(lobe, self.eps, self.order, self.view_order) for lobe in material.lobes)
+        return tuple(PreparedLobe(c, self.rows or max(ROWS_PER_ORDER * (c.F + 1), 16)) for c in expanded)
+
+    def relight(self, prepared: tuple[PreparedLobe, ...], environment: Environment) -> tuple[LobeMaps, ...]:
+        order = max(p.coefficients.F for p in prepared)
+        significant = max(p.coefficients.significant for p in prepared)
+        radiance = environment.radiance.astype(self.precision, copy=False)
+        light = harmonics.analyse(radiance, order, significant)
+        return tuple(
+            LobeMaps(c, maps.synthesise(c, harmonics.truncate(light, order, c.F), p.rows))
+            for p in prepared
+            for c in (p.coefficients,)
+        )
+
+    def shade(self, framed: tuple[LobeMaps, ...], points: Points) -> NDArray[np.floating]:
+        out = np.zeros((len(points), 3))
+        for stored in framed:
+            centre = points.central(stored.lobe.centre)
+            rows, columns = stored.planes.shape[2:]
+            even, odd = lookup.matrices(centre, rows, columns)
+            weights = maps.basis(stored.lobe, to_local(points.view, centre))
+            for _, q, first in maps.terms(stored.lobe.P, stored.lobe.F):
+                for plane in (first,) if q == 0 else (first, first + 1):
+                    for channel in range(3):
+                        read = (odd if q % 2 else even) @ stored.planes[channel, plane].reshape(-1)
+                        out[:, channel] += read * weights[plane]
+        return out
+
+    def predicted_error(self, prepared: tuple[PreparedLobe, ...]) -> float | None:
+        """1 - captured BRDF energy (RH 2002, sec. 5.1); the energies of several lobes are added as if orthogonal."""
+        total = sum(p.coefficients.total for p in prepared)
+        return sum(p.coefficients.missing * p.coefficients.total for p in prepared) / total if total else 0.0
+
+    def describe(self, prepared: tuple[PreparedLobe, ...]) -> dict[str, Any]:
+        return {
+            "F": [p.coefficients.F for p in prepared],
+            "P": [p.coefficients.P for p in prepared],
+            "S": [p.rows for p in prepared],
+            "missing energy": [p.coefficients.missing for p in prepared],
+        }
+
+    def tolerance(self) -> Tolerance:
+        """Only lookup errs under a turn, by (3/128) (pi/4)^4 of the highest frequency; an integral may lack sqrt(eps)."""
+        return Tolerance(linearity=1e-6, constant_light=max(np.sqrt(self.eps), 1e-3), rotation=1e-2)
+
+    @classmethod
+    def sweep(cls) -> Sequence[Self]:
+        return [cls(eps=eps) for eps in (0.3, 0.1, 0.03, 0.01, 0.003, 0.001)]
