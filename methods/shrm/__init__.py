@@ -41,7 +41,7 @@ class LobeMaps:
 
 
 @dataclass(frozen=True)
-class Shrm(Method):
+class SHRM(Method):
     """Local SHRM: for each lobe, maps B_pq(alpha, beta) of its central direction, summed with Y_pq(theta_o, phi_o).
 
     Parameters
@@ -123,9 +123,13 @@ class Shrm(Method):
             "missing energy": [p.coefficients.missing for p in prepared],
         }
 
-    def tolerance(self) -> Tolerance:
-        """Only lookup errs under a turn, by (3/128) (pi/4)^4 of the highest frequency; an integral may lack sqrt(eps)."""
-        return Tolerance(linearity=1e-6, constant_light=max(np.sqrt(self.eps), 1e-3), rotation=1e-2)
+    def tolerance(self, prepared: tuple[PreparedLobe, ...]) -> Tolerance:
+        """Under a turn only lookup errs: (3/128) (pi / 4)^4 of the top frequency. An integral lacks what P leaves out.
+
+        The latter is a mean over uniform (R, V); a few views may show three times as much.
+        """
+        missing = max(p.coefficients.missing_constant for p in prepared)
+        return Tolerance(linearity=1e-6, constant_light=3 * np.sqrt(missing) + 1e-3, rotation=1e-2)
 
     @classmethod
     def sweep(cls) -> Sequence[Self]:

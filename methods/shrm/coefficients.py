@@ -41,6 +41,8 @@ class LobeCoefficients:
         Energy of the whole expansion, by quadrature, pooled over r, g and b.
     missing : float
         1 - captured energy: the share of `total` that the orders leave out.
+    missing_constant : float
+        The same for what the lobe integrates to (l = 0): the energy error under constant light.
     """
 
     centre: Centre
@@ -49,6 +51,7 @@ class LobeCoefficients:
     reflectance: Array
     total: float
     missing: float
+    missing_constant: float
 
     @property
     def F(self) -> int:  # noqa: N802
@@ -77,9 +80,9 @@ def expand(lobe: Lobe, eps: float, order: int | None = None, view_order: int | N
     highest = 31 if order is None else order
     while True:
         if lobe.radially_symmetric:
-            rho, totals = _radial(lobe, highest)
+            rho, totals, constants = _radial(lobe, highest)
         else:
-            rho, totals = _full(lobe, highest, MAX_P if view_order is None else view_order)
+            rho, totals, constants = _full(lobe, highest, MAX_P if view_order is None else view_order)
         total = float(totals @ weight)
         energy = energies(rho, lobe.radially_symmetric, weight)
         captured = energy.cumsum(0).cumsum(1)  # [F, P]
@@ -91,9 +94,14 @@ def expand(lobe: Lobe, eps: float, order: int | None = None, view_order: int | N
     wanted = min((1 - eps) * total, captured[-1, -1] - 0.02 * eps * total)
     P = int(np.argmax(captured[-1] >= wanted)) if view_order is None else view_order
     F = int(np.argmax(captured[:, P] >= min(wanted, captured[-1, P] - 0.02 * eps * total))) if order is None else order
-    missing = 1 - captured[F, P] / total if total > 0 else 0.0
     rho = rho[:, : F + 1, : P + 1, : P + 1].copy()
-    return LobeCoefficients(lobe.centre, rho, lobe.radially_symmetric, reflectance, total, max(float(missing), 0.0))
+    missing = _share_missing(captured[F, P], total)
+    constant = _share_missing(captured[0, P], float(constants @ weight))
+    return LobeCoefficients(lobe.centre, rho, lobe.radially_symmetric, reflectance, total, missing, constant)
+
+
+def _share_missing(captured: float, total: float) -> float:
+    return max(float(1 - captured / total), 0.0) if total > 0 else 0.0
 
 
 def energies(rho: Array, radial: bool, weight: Array) -> Array:
@@ -105,7 +113,7 @@ def energies(rho: Array, radial: bool, weight: Array) -> Array:
     return np.einsum("clp,c->lp", by_channel, weight)
 
 
-def _radial(lobe: Lobe, order: int) -> tuple[Array, Array]:
+def _radial(lobe: Lobe, order: int) -> tuple[Array, Array, Array]:
     """rho_l by Gauss-Legendre in t, theta = theta* t^2: fine where the lobe is narrow."""
     n = max(4 * order, 512)
     t, w = special.roots_legendre(n)
@@ -116,10 +124,10 @@ def _radial(lobe: Lobe, order: int) -> tuple[Array, Array]:
     values = _local(lobe, theta[:, None], np.array([[0.0]]), np.array([[0.0]]))[:, :, 0]
     legendre = special.legendre_p_all(order, np.cos(theta))[0]
     rho = 2 * np.pi * (values * weight) @ legendre.T
-    return rho[:, :, None, None], 2 * np.pi * (values**2 * weight).sum(-1)
+    return rho[:, :, None, None], 2 * np.pi * (values**2 * weight).sum(-1), rho[:, 0] ** 2 / (4 * np.pi)
 
 
-def _full(lobe: Lobe, order: int, view_order: int) -> tuple[Array, Array]:
+def _full(lobe: Lobe, order: int, view_order: int) -> tuple[Array, Array, Array]:
     """The three sums of appendix C: over phi by FFT (DCT-I), over theta_o and theta_i by Gauss-Legendre."""
     x_i, w_i = special.roots_legendre(max(3 * order, 192))
     x_o, w_o = special.roots_legendre(VIEW_NODES)
@@ -137,7 +145,9 @@ def _full(lobe: Lobe, order: int, view_order: int) -> tuple[Array, Array]:
         by_q.append(np.asarray(fft.dct(values, type=1, axis=-1))[..., : view_order + 1] * (w_o[k] * step))
     by_p = np.einsum("ocnq,pqo->cnpq", np.stack(by_q), f_o, optimize=True)
     rho = np.einsum("cnpq,lqn,n->clpq", by_p, f_i, w_i, optimize=True)
-    return rho, total
+    # Parseval in theta_o alone: sum_p rho_0p0^2 = (1 / 2 pi) int g^2, g the integral of the lobe times f_00
+    integral = np.einsum("ocn,n->oc", np.stack(by_q)[..., 0], w_i * f_i[0, 0]) / w_o[:, None]
+    return rho, total, np.einsum("oc,o->c", integral**2, w_o) / (2 * np.pi)
 
 
 def _associated(degree: int, order: int, x: Array) -> Array:

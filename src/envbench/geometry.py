@@ -34,11 +34,14 @@ class Geometry:
         None is the unit sphere about the origin, in closed form.
     convex : bool
         True where no point can shadow another, so that no visibility ray is needed.
+    notes : tuple of str
+        What a user should know of how it was read, a line each (dropped triangles, turned normals ...).
     """
 
     name: str
     mesh: TriangleMesh | None = None
     convex: bool = True
+    notes: tuple[str, ...] = ()
 
     @cached_property
     def key(self) -> str:
@@ -82,6 +85,8 @@ class Points:
         Indices; None is all zero.
     pixel : (n, 2) int or None
         Row and column in an image of `image_shape` (H, W), where the points form one.
+    notes : tuple of str
+        What a user should know of how they were chosen, a line each (pixels left out ...).
     """
 
     position: Array
@@ -98,6 +103,7 @@ class Points:
     pose: NDArray[np.int32] | None = None
     pixel: NDArray[np.int32] | None = None
     image_shape: tuple[int, int] | None = None
+    notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         n = len(self.weight)

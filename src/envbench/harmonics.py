@@ -71,10 +71,10 @@ def analyse(samples: NDArray[np.floating], order: int, smooth_beyond: int | None
     samples = _refined(samples, order, order if smooth_beyond is None else smooth_beyond)
     height, width, channels = samples.shape
     _, m = degrees(order)
-    # Fejer's rule on all rows: unlike ducc0's analysis, which first resamples to the order's own rows, it lets no detail
-    # of the light leak into low degrees
+    # Fejer's rule on all rows: ducc0's analysis first resamples to the order's own rows, and so lets detail of the
+    # light leak into low degrees (measured: 4 % of the result for Phong s = 8, F = 9, under a captured sun)
     weights = ducc0.sht.get_gridweights("F1", height) / width
-    hat = np.sinc(m / width) ** 2  # between columns: exact, for a ring is one period
+    hat = (np.sinc(np.arange(order + 1) / width) ** 2)[m]  # between columns: exact, for a ring is one period
     plane = np.ascontiguousarray(np.moveaxis(_hat_filtered(samples), -1, 0))
     complex_type = np.complex64 if plane.dtype == np.float32 else np.complex128
     out = np.empty((channels, len(m)), complex_type)
@@ -140,13 +140,12 @@ def _refined(samples: NDArray[Any], order: int, significant: int) -> NDArray[Any
 
 def _hat_filtered(samples: NDArray[Any]) -> NDArray[Any]:
     """Apply `HAT_TAPS` along theta; beyond a pole a row meets its half-turned self."""
-    width = samples.shape[1]
-    half = width // 2
-    turn = np.roll(samples, half, axis=1)
+    rows, width = samples.shape[:2]
+    edges = samples[[1, 0, -1, -2]]
+    turned = np.roll(edges, width // 2, axis=1)
     if width % 2:  # the half turn falls between two columns
-        turn = (turn + np.roll(samples, half + 1, axis=1)) / 2
-    padded = np.concatenate([turn[1::-1], samples, turn[:-3:-1]])
-    rows = len(samples)
+        turned = (turned + np.roll(edges, width // 2 + 1, axis=1)) / 2
+    padded = np.concatenate([turned[:2], samples, turned[2:]])
     out = np.zeros_like(samples)
     for k, tap in enumerate(HAT_TAPS):
         out += samples.dtype.type(tap) * padded[k : k + rows]

@@ -89,8 +89,8 @@ class Method(ABC):
         """Return what was chosen for this asset, for the report (orders, resolutions ...)."""
         return {}
 
-    def tolerance(self) -> Tolerance:
-        """Return how closely the inexact laws are kept."""
+    def tolerance(self, prepared: Any) -> Tolerance:
+        """Return how closely the inexact laws are kept for this asset."""
         return Tolerance()
 
     @classmethod

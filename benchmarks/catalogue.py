@@ -1,0 +1,75 @@
+"""What a suite may name, put together from `data_gen`, `methods` and `references`."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+from data_gen import environments, geometry, materials, views
+from envbench.catalogue import Spec
+from envbench.environment import Environment
+from envbench.errors import BadInput
+from envbench.geometry import Geometry, Points, Viewer
+from envbench.material import Centre
+from envbench.method import Method
+from envbench.reference import Reference, ReferenceSettings
+from envbench.scene import Effect, Scene
+from methods import METHODS
+from references import reference
+
+
+def _suites() -> dict[str, Path]:
+    return {path.stem: path for path in sorted((Path(__file__).parent / "suites").glob("*.toml"))}
+
+
+@dataclass(frozen=True)
+class Catalogue:
+    """`envbench.catalogue.Catalogue` over the folders beside this one."""
+
+    methods: Mapping[str, type[Method]] = field(default_factory=lambda: METHODS)
+    suites: Mapping[str, Path] = field(default_factory=_suites)
+    lights: Mapping[str, Spec] = field(default_factory=lambda: environments.LIGHTS)
+    materials: Mapping[str, Spec] = field(default_factory=lambda: materials.MATERIALS)
+    geometries: Mapping[str, Spec] = field(default_factory=lambda: geometry.GEOMETRIES)
+    views: Mapping[str, Spec] = field(default_factory=lambda: views.VIEWS)
+
+    def scene(self, *, name: str, light: Spec, material: Spec, geometry: Spec, view: Spec) -> Scene:
+        """Build a scene; its `name` is light/material/geometry/view. The last light and queries are kept."""
+        names = name.split("/") if name.count("/") == 3 else [name] * 4
+        environment = _kept(_light, names[0], light)
+        brdf = materials.build(material, names[1])
+        shape, points, viewer = _kept(_queries, (names[2], names[3]), (geometry, view))
+        effects = {Effect.VIEW_DEPENDENCE} if any(lobe.centre is not Centre.NORMAL for lobe in brdf.lobes) else set()
+        if not shape.convex:
+            effects.add(Effect.SELF_SHADOWING)
+        return Scene(name, environment, brdf, shape, points, viewer, frozenset(effects))
+
+    def reference(self, scene: Scene, settings: ReferenceSettings, cache: Path | None) -> Reference:
+        """Return ground truth, from `cache` where it holds it."""
+        return reference(scene, settings, cache)
+
+
+def _kept(build: Callable[[Any, str], Any], name: Any, spec: Any) -> Any:
+    return build(name, json.dumps(spec, sort_keys=True, default=str))
+
+
+@lru_cache(maxsize=1)
+def _light(name: str, spec: str) -> Environment:
+    try:
+        return replace(environments.build(json.loads(spec)), name=name)
+    except BadInput as error:
+        raise BadInput(f"light '{name}': {error}") from None
+
+
+@lru_cache(maxsize=1)
+def _queries(names: tuple[str, str], spec: str) -> tuple[Geometry, Points, Viewer | None]:
+    shape_spec, view_spec = json.loads(spec)
+    shape = geometry.build(shape_spec, names[0])
+    return (shape, *views.build(view_spec, shape, names[1]))
+
+
+CATALOGUE = Catalogue()

@@ -1,0 +1,223 @@
+"""Ground truth by Mitsuba: reflected radiance at the query points, with its noise.
+
+At each point the estimator is that of Mitsuba's `direct` integrator, one emitter sample and one BSDF sample combined
+by the power heuristic (Veach 1997, sec. 9.2.4), but it starts from the point itself instead of from a camera: position,
+normal, tangent and view are taken as they are. For convex shapes no visibility ray is cast, so that whole lobes, which
+reach below the horizon, are integrated too.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from data_gen.geometry import mitsuba_mesh
+from data_gen.mitsuba_bsdf import bsdf
+from data_gen.mitsuba_light import emitter
+from envbench import llvm
+from envbench.directions import Array, normalised
+from envbench.geometry import Points
+from envbench.reference import Reference, ReferenceSettings
+from envbench.scene import Effect, Scene
+
+SAMPLER = "multijitter"
+"""Low-discrepancy sampler of Mitsuba; takes any square number of samples. Its `ldsampler` takes powers of four."""
+
+_LANES = 2**22
+"""Samples in flight at a time: bounds the memory."""
+_MOST = 1024**2
+"""Samples a point in one replicate, at most."""
+_WORTHWHILE = 1.15
+"""Growth below which another step is not worth it."""
+_ORDER = 0.75
+"""The noise is taken to fall as N^-0.75: low-discrepancy samples do so or better under captured light."""
+
+
+def render(scene: Scene, settings: ReferenceSettings, key: str = "") -> Reference:
+    """Sample until the noise floor reaches its target or the budget ends.
+
+    Each step renders afresh, with as many samples as the floor of the one before calls for.
+
+    Parameters
+    ----------
+    scene : Scene
+    settings : ReferenceSettings
+    key : str
+        Content address to label the result with.
+
+    Returns
+    -------
+    Reference
+        Its replicates hold float32 values, so that a stored copy is the same to the bit.
+
+    Raises
+    ------
+    BadInput, CannotRun
+        The variant is unknown, or cannot run on this machine.
+    """
+    started = time.perf_counter()
+    shape = (settings.replicates, len(scene.points), 3)
+    result = Reference(np.zeros(shape), scene.points.weight, 0, 0.0, key, settings.floor)
+    if not scene.environment.radiance.any():
+        return result
+    estimator = Estimator(scene, settings.variant)
+    samples = estimator.first
+    while True:
+        step = time.perf_counter()
+        seeds = np.random.SeedSequence((settings.seed, samples)).spawn(settings.replicates)
+        replicates = np.stack([estimator.replicate(samples, seed) for seed in seeds])
+        now = time.perf_counter()
+        result = replace(
+            result,
+            replicates=replicates.astype(np.float32).astype(np.float64),
+            samples=samples,
+            seconds=now - started,
+            visibility_rays=estimator.visibility_rays,
+        )
+        floor = result.floor
+        if floor <= settings.floor:
+            return result
+        wanted = 1.2 * (floor / settings.floor) ** (1 / _ORDER)
+        affordable = 0.9 * (settings.budget - result.seconds) / (now - step)
+        side = math.ceil(math.sqrt(samples * min(wanted, max(affordable, 0.0))))
+        if min(side * side, _MOST) <= samples * _WORTHWHILE:
+            end = f"{_MOST} samples a point" if samples == _MOST else f"the budget of {settings.budget:g} s"
+            note = f"noise floor {floor:.1e} instead of {settings.floor:.1e}: {end} came first"
+            return replace(result, notes=(note,))
+        samples = min(side * side, _MOST)
+
+
+class Estimator:
+    """Radiance at the points of a scene from a given number of samples.
+
+    Attributes
+    ----------
+    first : int
+        Samples a point that a first look takes.
+    visibility_rays : int
+        Rays cast so far: two a sample, or none where nothing can shadow.
+    """
+
+    def __init__(self, scene: Scene, variant: str, sampler: str = SAMPLER) -> None:
+        self._mi = mi = llvm.mitsuba(variant)
+        self._scalar = variant.startswith("scalar")
+        self._sampler = sampler
+        self._points = scene.points
+        self._bsdf = bsdf(scene.material)
+        mesh = scene.geometry.mesh
+        self._shadows = Effect.SELF_SHADOWING in scene.effects and mesh is not None and not scene.geometry.convex
+        parts: dict[str, Any] = {"type": "scene", "light": emitter(scene.environment)}
+        if self._shadows and mesh is not None:
+            parts["shape"] = mitsuba_mesh(mi, mesh)
+        self._scene = mi.load_dict(parts)
+        self._light = self._scene.environment()
+        self.first = 4 if self._scalar else 64
+        self.visibility_rays = 0
+
+    def replicate(self, samples: int, seed: np.random.SeedSequence) -> Array:
+        """Estimate the radiance at every point, (n, 3), from `samples` (a square number) a point."""
+        count = len(self._points)
+        self.visibility_rays += 2 * samples * count * self._shadows
+        if self._scalar:
+            seeds = seed.generate_state(count)
+            return np.array([self._point(i, samples, int(seeds[i])) for i in range(count)]) / samples
+        size = max(1, _LANES // samples)
+        starts = range(0, count, size)
+        seeds = seed.generate_state(len(starts))
+        chunks = [
+            self._chunk(slice(start, min(start + size, count)), samples, int(s))
+            for start, s in zip(starts, seeds, strict=True)
+        ]
+        return np.concatenate(chunks) / samples
+
+    def _chunk(self, chosen: slice, samples: int, seed: int) -> Array:
+        """Return the sums over the samples of some points, (n, 3), in one wavefront."""
+        import drjit as dr
+
+        mi = self._mi
+        lanes = (chosen.stop - chosen.start) * samples
+        sampler = self._new_sampler(samples)
+        # Before seeding: without it the samples of a point are independent of each other, and seeds barely differ.
+        sampler.set_samples_per_wavefront(samples)
+        sampler.seed(dr.opaque(mi.UInt32, seed), lanes)
+        point = dr.arange(mi.UInt32, lanes) // dr.opaque(mi.UInt32, samples)
+
+        def spread(values: Array) -> Any:
+            columns = np.ascontiguousarray(values[chosen].T, np.float32)
+            return dr.gather(mi.Vector3f, mi.Vector3f(columns), point)
+
+        radiance = self._radiance(self._interaction(spread), sampler)
+        dr.eval(radiance)
+        return np.stack([dr.block_sum(mi.Float64(c), samples).numpy() for c in radiance], axis=-1)
+
+    def _point(self, i: int, samples: int, seed: int) -> Array:
+        """Return the sum over the samples of one point, (3,), one after the other."""
+        sampler = self._new_sampler(samples)
+        sampler.seed(seed, 1)
+        interaction = self._interaction(lambda values: self._mi.Vector3f(*(float(v) for v in values[i])))
+        total = np.zeros(3)
+        for _ in range(samples):
+            total += np.array(self._radiance(interaction, sampler), float)
+            sampler.advance()
+        return total
+
+    def _new_sampler(self, samples: int) -> Any:
+        return self._mi.load_dict({"type": self._sampler, "sample_count": samples})
+
+    def _interaction(self, spread: Any) -> Any:
+        """Return the surface interaction at the points, its arrays laid out by `spread`."""
+        import drjit as dr
+
+        mi, points = self._mi, self._points
+        tangent = _orthogonal(points)
+        si = dr.zeros(mi.SurfaceInteraction3f)
+        si.p = mi.Point3f(spread(points.position))
+        si.n = mi.Normal3f(spread(points.geometric_normal))
+        normal, s = spread(points.normal), spread(tangent)
+        si.sh_frame = mi.Frame3f(s, dr.cross(normal, s), normal)
+        si.wi = si.to_local(spread(points.view))
+        return si
+
+    def _radiance(self, si: Any, sampler: Any) -> Any:
+        """Return one estimate of the reflected radiance: emitter sample and BSDF sample, weighed by their densities."""
+        import drjit as dr
+
+        mi, context = self._mi, self._mi.BSDFContext()
+        ds, light = self._light.sample_direction(si, sampler.next_2d())
+        value, pdf = self._bsdf.eval_pdf(context, si, si.to_local(ds.d), ds.pdf > 0)
+        by_light = self._unshadowed(si, ds.d, light * value * _power(ds.pdf, pdf))
+
+        sample, weight = self._bsdf.sample(context, si, sampler.next_1d(), sampler.next_2d())
+        direction = si.to_world(sample.wo)
+        seen = dr.zeros(mi.SurfaceInteraction3f)
+        seen.wi = -direction
+        ds = dr.zeros(mi.DirectionSample3f)
+        ds.d = direction
+        share = _power(sample.pdf, self._light.pdf_direction(si, ds))
+        return by_light + self._unshadowed(si, direction, weight * self._light.eval(seen) * share)
+
+    def _unshadowed(self, si: Any, direction: Any, radiance: Any) -> Any:
+        """Return `radiance`, or zero where the shape itself hides the light in `direction`."""
+        import drjit as dr
+
+        if not self._shadows:
+            return radiance
+        hidden = self._scene.ray_test(si.spawn_ray(direction), dr.any(radiance > 0))
+        return dr.select(hidden, self._mi.Color3f(0), radiance)
+
+
+def _power(a: Any, b: Any) -> Any:
+    """Return the weight of a sample of density `a` beside another technique of density `b` (Veach 1997, eq. 9.10)."""
+    import drjit as dr
+
+    return dr.select(a > 0, a * a / dr.maximum(a * a + b * b, 1e-30), 0)
+
+
+def _orthogonal(points: Points) -> Array:
+    """Return the tangents, made perpendicular to the shading normals."""
+    along = np.sum(points.tangent * points.normal, axis=-1, keepdims=True)
+    return normalised(points.tangent - along * points.normal)

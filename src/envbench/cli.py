@@ -1,0 +1,167 @@
+"""The command line. Exit codes: 0 done, 1 done with failed cells or a closed gate, 2 bad input, 3 could not run.
+
+Only typer is imported here: whatever a command needs, it imports itself, so that ``--help`` answers at once.
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from envbench.errors import BadInput, CannotRun
+
+app = typer.Typer(
+    name="envbench",
+    help="Accuracy against time for rendering under environment maps, measured against Mitsuba 3.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+)
+
+Out = Annotated[Path, typer.Option("--out", help="Folder of the store, the cache of references and the report.")]
+Run = Annotated[str, typer.Argument(metavar="RUN", help="A run's id, the beginning of one, or 'latest'.")]
+Root = Annotated[Path | None, typer.Option("--root", help="Your own folder with methods/ and suites/.")]
+
+
+def main() -> None:
+    """Run the command line; every foreseen error is one line on standard error."""
+    try:
+        app()
+    except BadInput as error:
+        sys.exit(_error(error, 2))
+    except CannotRun as error:
+        sys.exit(_error(error, 3))
+
+
+def _error(error: Exception, code: int) -> int:
+    print(f"error: {' '.join(str(error).split())}", file=sys.stderr)
+    return code
+
+
+@app.command()
+def run(
+    suite: Annotated[
+        str, typer.Argument(metavar="SUITE", help="A suite's name, or the path of a TOML file.")
+    ] = "quick",
+    out: Out = Path("results"),
+    resume: Annotated[bool, typer.Option("--resume", help="Go on with the suite's latest run.")] = False,
+    root: Root = None,
+    scene: Annotated[list[str] | None, typer.Option(help="Only this scene (may be repeated).")] = None,
+    method: Annotated[list[str] | None, typer.Option(help="Only this method (may be repeated).")] = None,
+    timeout: Annotated[float, typer.Option(help="Seconds that a cell may take.")] = 120.0,
+    memory: Annotated[
+        float | None, typer.Option(help="GiB that a cell may hold; default 3/4 of the machine's.")
+    ] = None,
+    rounds: Annotated[int | None, typer.Option(help="Timing rounds, instead of the suite's.")] = None,
+    floor: Annotated[float | None, typer.Option(help="Noise floor of references, relative to the RMS.")] = None,
+    variant: Annotated[str | None, typer.Option(help="Mitsuba variant of references.")] = None,
+    no_report: Annotated[bool, typer.Option("--no-report", help="Write no HTML report.")] = False,
+) -> None:
+    """Run a suite: reference, accuracy and time of every method on every scene, into OUT/report.html."""
+    import psutil
+
+    from envbench import progress, session, show
+    from envbench.supervisor import Limits
+
+    limits = Limits(timeout, None if memory is None else int(memory * 2**30))
+    options = session.Options(
+        suite, out, root, resume, limits, rounds, floor, variant, tuple(scene or ()), tuple(method or ())
+    )
+    try:
+        info = session.run(options, progress.progress(), began=psutil.Process().create_time())
+    except KeyboardInterrupt:
+        print(f"interrupted: finished cells are kept; go on with 'envbench run {suite} --resume'.", file=sys.stderr)
+        raise typer.Exit(130) from None
+    if not no_report:
+        print(f"report: {session.write_report(out / session.STORE, info.id, out / session.REPORT)}")
+    with session.opened(out) as store:
+        cells = store.cells(info.id)
+    print(show.summary(info, cells))
+    raise typer.Exit(1 if any(show.is_failure(cell) for cell in cells) else 0)
+
+
+@app.command("list")
+def list_(
+    kind: Annotated[
+        str, typer.Argument(metavar="KIND", help="methods, scenes, suites, metrics, lights, materials ...")
+    ],
+    root: Root = None,
+) -> None:
+    """List what there is to name."""
+    from envbench import listing
+
+    listing.show(kind, root)
+
+
+@app.command()
+def show(
+    run: Run = "latest",
+    out: Out = Path("results"),
+    scene: Annotated[list[str] | None, typer.Option(help="Only this scene (may be repeated).")] = None,
+    metric: Annotated[list[str] | None, typer.Option(help="This metric (may be repeated).")] = None,
+) -> None:
+    """Show a run's cells: accuracy with its interval, time, memory, status."""
+    from envbench import session, show
+
+    with session.opened(out) as store:
+        show.table(store, run, scenes=tuple(scene or ()), metrics=tuple(metric or ("nrmse", "energy_ratio")))
+
+
+@app.command()
+def report(run: Run = "latest", out: Out = Path("results")) -> None:
+    """Write a run's HTML report again."""
+    from envbench import session
+
+    print(session.write_report(out / session.STORE, run, out / session.REPORT))
+
+
+@app.command()
+def export(
+    run: Run,
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="Its suffix decides: .csv, .json or .parquet.")],
+    out: Out = Path("results"),
+) -> None:
+    """Export a run, a row a cell."""
+    from envbench import export, session
+
+    with session.opened(out) as store:
+        export.export(store, run, file)
+    print(file)
+
+
+@app.command()
+def gate(
+    run: Run,
+    baseline: Annotated[str, typer.Option(metavar="RUN", help="The run to hold it against.")],
+    out: Out = Path("results"),
+    baseline_store: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="The baseline's store, if another.")
+    ] = None,
+    margin: Annotated[float, typer.Option(help="How much worse is still well, relative.")] = 0.01,
+) -> None:
+    """Compare a run's accuracy with a baseline's; exit code 1 where it is worse."""
+    from envbench import gate, session
+    from envbench.store import Store
+
+    with session.opened(out) as store, Store.open(baseline_store or store.path) as other:
+        verdict = gate.gate(store, run, other, baseline, margin=margin)
+    for line in verdict.lines():
+        print(line)
+    raise typer.Exit(0 if verdict.ok else 1)
+
+
+@app.command()
+def doctor(
+    out: Out = Path("results"),
+    references: Annotated[
+        bool, typer.Option("--references", help="Hold both references to each other (a minute).")
+    ] = False,
+) -> None:
+    """Say what this machine has, what it lacks, and what to do about it."""
+    from envbench import doctor
+
+    raise typer.Exit(doctor.run(out, references=references))

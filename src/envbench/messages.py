@@ -1,0 +1,60 @@
+"""What a run asks of its worker process, and what comes back: small picklable values."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from envbench.plan import CellSpec, SceneSpec
+from envbench.records import Status
+from envbench.reference import ReferenceSettings
+
+
+@dataclass(frozen=True)
+class Setup:
+    """What a worker is told when it starts; its standard output and error go to `log`."""
+
+    user: Path | None
+    cache: Path | None
+    log: Path
+    reference: ReferenceSettings
+
+
+@dataclass(frozen=True)
+class Ready:
+    """A worker's first word: Mitsuba's variant and the threads that it computes with."""
+
+    variant: str
+    threads: dict[str, int]
+
+
+@dataclass(frozen=True)
+class MakeReference:
+    """Asks for a scene's reference; answered by a `SceneResult`."""
+
+    scene: SceneSpec
+
+
+@dataclass(frozen=True)
+class FirstPass:
+    """Asks to render and score a cell, each phase timed on its first call; answered by a `CellResult`."""
+
+    cell: CellSpec
+
+
+@dataclass(frozen=True)
+class Round:
+    """Asks to time a cell once more; answered by a dict of `Phase` to seconds."""
+
+    cell: CellSpec
+
+
+Request = MakeReference | FirstPass | Round
+
+
+@dataclass(frozen=True)
+class Failure:
+    """Answers a request that came to nothing: how it counts, and why in one line."""
+
+    status: Status
+    reason: str

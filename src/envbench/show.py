@@ -1,0 +1,95 @@
+"""A run on the terminal: a table of its cells, and its sum in a line."""
+
+from __future__ import annotations
+
+import math
+import sys
+from collections import Counter
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from envbench.errors import unknown
+from envbench.metrics import METRICS
+from envbench.records import CellResult, Phase, RunInfo, Score, Status
+from envbench.store import Store
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+
+def is_failure(cell: CellResult) -> bool:
+    """Whether a cell came to nothing; one that was declined did not."""
+    return cell.status not in (Status.OK, Status.DECLINED)
+
+
+def summary(run: RunInfo, cells: Sequence[CellResult]) -> str:
+    """Return how many cells ended how, what the run took, and how much of that the harness itself."""
+    counts = Counter(cell.status.value for cell in cells)
+    ends = ", ".join(f"{count} {status}" for status, count in counts.items())
+    text = f"run {run.id}: {ends or 'no cell'}"
+    if run.wall_seconds is None or run.overhead_seconds is None:
+        return f"{text}; not finished"
+    share = 100 * run.overhead_seconds / max(run.wall_seconds, 1e-9)
+    return f"{text}; {run.wall_seconds:.3g} s, of which the harness itself {run.overhead_seconds:.2g} s ({share:.0f} %)"
+
+
+def table(store: Store, ref: str, *, scenes: Sequence[str] = (), metrics: Sequence[str] = ("nrmse",)) -> None:
+    """Print a run's cells with their `metrics`.
+
+    Raises
+    ------
+    BadInput
+        For an unknown run, scene or metric.
+    """
+    from rich.table import Table
+
+    for metric in metrics:
+        if metric not in METRICS:
+            raise unknown("metric", metric, METRICS)
+    run = store.run(ref)
+    cells = store.cells(run.id)
+    for scene in scenes:
+        if scene not in {cell.scene for cell in cells}:
+            raise unknown("scene of this run:", scene, {cell.scene for cell in cells})
+    grid = Table("scene", "method", *metrics, "relight", "shade", "memory", "status", box=None, header_style="bold")
+    last = ""
+    for cell in sorted(cells, key=lambda cell: cell.scene):
+        if scenes and cell.scene not in scenes:
+            continue
+        scores = {score.metric: score for score in cell.scores}
+        grid.add_row(
+            cell.scene if cell.scene != last else "",
+            cell.label,
+            *(number(scores.get(metric)) for metric in metrics),
+            *(seconds(cell, phase) for phase in (Phase.RELIGHT, Phase.SHADE)),
+            f"{cell.bytes / 1024:,.0f} KiB" if cell.bytes else "",
+            f"{cell.status.value}: {cell.reason}" if cell.reason else cell.status.value,
+        )
+        last = cell.scene
+    console().print(grid)
+    console().print(summary(run, cells), highlight=False)
+
+
+def number(score: Score | None) -> str:
+    """Return a score with its interval; one below the noise floor says so, with its upper bound."""
+    if score is None:
+        return ""
+    if math.isnan(score.value):
+        return "undefined"
+    if score.below_floor:
+        return f"below floor (< {score.high:.2g})"
+    interval = "" if math.isnan(score.low) else f" [{score.low:.3g}, {score.high:.3g}]"
+    return f"{score.value:.3g}{interval}"
+
+
+def seconds(cell: CellResult, phase: Phase) -> str:
+    """Return the median time of a phase in milliseconds."""
+    medians = [timing.median for timing in cell.timings if timing.phase is phase]
+    return f"{1000 * medians[0]:.3g} ms" if medians else ""
+
+
+def console() -> Console:
+    """Return a console that wraps on a terminal, and on nothing else."""
+    from rich.console import Console
+
+    return Console(markup=False, highlight=False) if sys.stdout.isatty() else Console(width=240, markup=False)

@@ -1,0 +1,224 @@
+"""The store: one SQLite file in which every finished cell is safe from the moment it is done.
+
+Write-ahead logging with ``synchronous = FULL``: what was committed survives a killed process and a power cut, and a
+report can read while a run writes. `envbench.schema` holds the tables.
+"""
+
+from __future__ import annotations
+
+import json
+import sqlite3
+import zlib
+from collections.abc import Generator
+from contextlib import contextmanager
+from dataclasses import fields
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from envbench.database import connect, migrate, transaction, worded
+from envbench.errors import BadInput
+from envbench.records import CellResult, Phase, RunInfo, SceneResult, Score, Status, Timing
+
+
+class Store:
+    """Runs with their scenes and cells. Each saving method is one transaction; reading returns what was saved.
+
+    Raises
+    ------
+    BadInput
+        From every method: the file cannot be read or written; one line says why and what to do.
+    """
+
+    def __init__(self, path: Path, connection: sqlite3.Connection) -> None:
+        self.path = path
+        self._db = connection
+
+    @classmethod
+    def open(cls, path: Path | str, *, create: bool = False) -> Self:
+        """Open the store at `path`, bringing an older schema up to date.
+
+        Parameters
+        ----------
+        create : bool
+            Make the store, and its folder, if absent; and insist that it can be written.
+        """
+        path = Path(path)
+        with worded(path):
+            if create:
+                path.parent.mkdir(parents=True, exist_ok=True)
+            connection = connect(path, create)
+            try:
+                migrate(path, connection, create)
+            except BaseException:
+                connection.close()
+                raise
+            return cls(path, connection)
+
+    def close(self) -> None:
+        """Close the file; what was saved is there anyway."""
+        self._db.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        self.close()
+
+    # Saving
+
+    def begin(self, run: RunInfo) -> None:
+        """Save a run that starts."""
+        with self._transaction():
+            if self._db.execute("SELECT 1 FROM run WHERE id = ?", (run.id,)).fetchone():
+                raise BadInput(f"run '{run.id}' is in {self.path} already: resume it, or give the new run another id.")
+            self._insert("run", {f.name: getattr(run, f.name) for f in fields(run)})
+
+    def save_scene(self, run_id: str, scene: SceneResult) -> None:
+        """Save a scene of a run; one of the same name is replaced."""
+        row = {f.name: getattr(scene, f.name) for f in fields(scene) if f.name != "image"}
+        row |= {"run_id": run_id, **_pack(scene.image)}
+        with self._transaction():
+            self._db.execute("DELETE FROM scene WHERE run_id = ? AND name = ?", (run_id, scene.name))
+            self._insert("scene", row)
+
+    def save_cell(self, run_id: str, cell: CellResult) -> None:
+        """Save a finished cell with timings, scores and image; one of the same key is replaced."""
+        apart = {"timings", "scores", "image"}
+        row = {f.name: getattr(cell, f.name) for f in fields(cell) if f.name not in apart}
+        row |= {"run_id": run_id, **_pack(cell.image)}
+        with self._transaction():
+            self._db.execute("DELETE FROM cell WHERE run_id = ? AND key = ?", (run_id, cell.key))
+            number = self._insert("cell", row)
+            for timing in cell.timings:
+                seconds = {"first_seconds": timing.first, "median_seconds": timing.median, "rounds": timing.rounds}
+                self._insert("timing", {"cell_id": number, "phase": timing.phase, **seconds})
+            for score in cell.scores:
+                self._insert("score", {"cell_id": number, **{f.name: getattr(score, f.name) for f in fields(score)}})
+
+    def finish(self, run_id: str, finished: str, wall_seconds: float, overhead_seconds: float) -> None:
+        """Save how a run ended: `finished` is a time in ISO 8601."""
+        with self._transaction():
+            self._db.execute(
+                "UPDATE run SET finished = ?, wall_seconds = ?, overhead_seconds = ? WHERE id = ?",
+                (finished, wall_seconds, overhead_seconds, run_id),
+            )
+
+    # Reading
+
+    def runs(self) -> list[RunInfo]:
+        """Return all runs, newest last."""
+        return [_run(row) for row in self._rows("SELECT * FROM run ORDER BY number")]
+
+    def run(self, ref: str) -> RunInfo:
+        """Return the run that `ref` means: an id, the beginning of just one id, or "latest"."""
+        runs = self.runs()
+        if not runs:
+            raise BadInput(f"{self.path} holds no run yet: make one with 'envbench run'.")
+        if ref == "latest":
+            return runs[-1]
+        found = [run for run in runs if run.id == ref] or [run for run in runs if ref and run.id.startswith(ref)]
+        if len(found) == 1:
+            return found[0]
+        what = "is the beginning of more than one run" if found else "is no run"
+        newest = [run.id for run in reversed(found or runs)]
+        listed = ", ".join(newest[:10]) + (f" and {len(newest) - 10} more" if len(newest) > 10 else "")
+        raise BadInput(f"'{ref}' {what} of {self.path}: say 'latest' or one of {listed}.")
+
+    def scenes(self, run_id: str) -> list[SceneResult]:
+        """Return the scenes of a run in the order in which they were saved."""
+        return [_scene(row) for row in self._rows("SELECT * FROM scene WHERE run_id = ? ORDER BY id", run_id)]
+
+    def scene_names(self, run_id: str) -> list[str]:
+        """Return the names of `scenes` without reading their images."""
+        return [row["name"] for row in self._rows("SELECT name FROM scene WHERE run_id = ? ORDER BY id", run_id)]
+
+    def cells(self, run_id: str) -> list[CellResult]:
+        """Return the cells of a run in the order in which they were saved."""
+        of_run = "SELECT {} FROM {} JOIN cell ON cell.id = cell_id WHERE run_id = ? ORDER BY {}.rowid"
+        timings: dict[int, list[Timing]] = {}
+        for row in self._rows(of_run.format("timing.*", "timing", "timing"), run_id):
+            rounds = tuple(json.loads(row["rounds"]))
+            timings.setdefault(row["cell_id"], []).append(Timing(Phase(row["phase"]), row["first_seconds"], rounds))
+        scores: dict[int, list[Score]] = {}
+        for row in self._rows(of_run.format("score.*", "score", "score"), run_id):
+            scores.setdefault(row.pop("cell_id"), []).append(_score(row))
+        rows = self._rows("SELECT * FROM cell WHERE run_id = ? ORDER BY id", run_id)
+        return [_cell(row, tuple(timings.get(row["id"], ())), tuple(scores.get(row["id"], ()))) for row in rows]
+
+    def finished_keys(self, run_id: str) -> set[str]:
+        """Return the keys of all saved cells, whatever their status: what a resumed run need not repeat."""
+        return {row["key"] for row in self._rows("SELECT key FROM cell WHERE run_id = ?", run_id)}
+
+    @contextmanager
+    def _transaction(self) -> Generator[None]:
+        with worded(self.path), transaction(self._db):
+            yield
+
+    def _insert(self, table: str, row: dict[str, Any]) -> int | None:
+        marks = ", ".join("?" * len(row))
+        values = [_encode(value) for value in row.values()]
+        return self._db.execute(f"INSERT INTO {table} ({', '.join(row)}) VALUES ({marks})", values).lastrowid
+
+    def _rows(self, query: str, *values: str) -> list[dict[str, Any]]:
+        with worded(self.path):
+            return [dict(row) for row in self._db.execute(query, values)]
+
+
+def _encode(value: Any) -> Any:
+    if isinstance(value, dict | list | tuple):
+        return json.dumps(value, default=_plain)
+    return value.item() if isinstance(value, np.generic) else value
+
+
+def _plain(value: Any) -> Any:
+    return value.tolist() if isinstance(value, np.generic | np.ndarray) else str(value)
+
+
+def _pack(image: NDArray[np.float32] | None) -> dict[str, Any]:
+    if image is None:
+        return {}
+    height, width, _ = image.shape
+    return {"image_height": height, "image_width": width, "image": zlib.compress(image.astype("<f4").tobytes(), 1)}
+
+
+def _unpack(row: dict[str, Any]) -> NDArray[np.float32] | None:
+    height, width, blob = (row.pop(name) for name in ("image_height", "image_width", "image"))
+    if blob is None:
+        return None
+    return np.frombuffer(zlib.decompress(blob), "<f4").astype(np.float32).reshape(height, width, 3)
+
+
+def _defined(row: dict[str, Any], *names: str) -> dict[str, Any]:
+    return row | {name: float("nan") for name in names if row[name] is None}  # SQLite stores NaN as NULL
+
+
+def _run(row: dict[str, Any]) -> RunInfo:
+    del row["number"]
+    row |= {name: json.loads(row[name]) for name in ("machine", "versions")}
+    return RunInfo(**row)
+
+
+def _scene(row: dict[str, Any]) -> SceneResult:
+    image = _unpack(row)
+    del row["id"], row["run_id"]
+    row |= {"specs": json.loads(row["specs"]), "reference_from_cache": bool(row["reference_from_cache"])}
+    row |= {name: tuple(json.loads(row[name])) for name in ("effects", "notes")}
+    row = _defined(row, *(f"reference_{name}" for name in ("floor", "target", "seconds", "rms")))
+    return SceneResult(**row, image=image)
+
+
+def _score(row: dict[str, Any]) -> Score:
+    row |= {"below_floor": bool(row["below_floor"]), "jackknife": tuple(json.loads(row["jackknife"]))}
+    return Score(**_defined(row, "value", "low", "high"))
+
+
+def _cell(row: dict[str, Any], timings: tuple[Timing, ...], scores: tuple[Score, ...]) -> CellResult:
+    image = _unpack(row)
+    del row["id"], row["run_id"]
+    row |= {"settings": json.loads(row["settings"]), "description": json.loads(row["description"])}
+    row |= {"lacks": tuple(json.loads(row["lacks"])), "status": Status(row["status"])}
+    return CellResult(**row, timings=timings, scores=scores, image=image)

@@ -1,0 +1,125 @@
+"""A suite: what a user asks for, read from TOML and checked for form (what its names mean is the plan's business)."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from envbench.errors import BadInput
+from envbench.reference import ReferenceSettings
+from envbench.settings import construct
+
+Tables = dict[str, dict[str, Any]]
+
+
+@dataclass(frozen=True)
+class TimingSettings:
+    """How often each phase of each cell is timed after its first call."""
+
+    rounds: int = 5
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.rounds <= 1000:
+            raise BadInput(f"rounds must lie in [0, 1000]. Got {self.rounds} instead.")
+
+
+@dataclass(frozen=True)
+class Grid:
+    """Every light with every material, on one geometry seen in one way."""
+
+    lights: tuple[str, ...]
+    materials: tuple[str, ...]
+    geometry: str = "sphere"
+    view: str = "image"
+
+
+@dataclass(frozen=True)
+class Suite:
+    """The content of a suite file.
+
+    Attributes
+    ----------
+    lights, materials, geometries, views : dict of dict
+        The suite's own named tables, beside the catalogue's presets.
+    methods : tuple of dict
+        Each has a ``name`` and settings; a list is swept, ``sweep = true`` asks for the method's own sweep.
+    """
+
+    name: str
+    description: str = ""
+    reference: ReferenceSettings = field(default_factory=ReferenceSettings)
+    timing: TimingSettings = field(default_factory=TimingSettings)
+    lights: Tables = field(default_factory=Tables)
+    materials: Tables = field(default_factory=Tables)
+    geometries: Tables = field(default_factory=Tables)
+    views: Tables = field(default_factory=Tables)
+    scenes: tuple[Grid, ...] = ()
+    methods: tuple[dict[str, Any], ...] = ()
+
+
+@dataclass(frozen=True)
+class SuiteFile(Suite):
+    """A suite with the `text` it was read from and the `folder` where relative paths in its tables begin."""
+
+    text: str = ""
+    folder: Path = Path()
+
+
+def read(path: Path) -> SuiteFile:
+    """Read a suite file.
+
+    Raises
+    ------
+    BadInput
+        The file is missing or no TOML (line and column are named), or a key, a type or a value is not understood.
+    """
+    try:
+        text = path.read_text(encoding="utf-8")
+    except FileNotFoundError:
+        raise BadInput(f"suite {path} does not exist; 'envbench list suites' shows what there is.") from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise BadInput(f"suite {path} cannot be read: {error}. A TOML file in UTF-8 is needed.") from None
+    return parse(text, str(path), path.resolve().parent)
+
+
+def parse(text: str, what: str, folder: Path = Path()) -> SuiteFile:
+    """Read a suite from TOML `text`; `what` names it in messages."""
+    try:
+        table = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise BadInput(_located(str(error), text, what)) from None
+    table.setdefault("name", Path(what).stem)
+    parts: dict[str, Any] = {
+        key: construct(kind, _table(table.pop(key), f"{what}: [{key}]"), f"{what}: [{key}]")
+        for key, kind in {"reference": ReferenceSettings, "timing": TimingSettings}.items()
+        if key in table
+    }
+    scenes = _tables(table.pop("scenes", []), what, "scenes")
+    grids = tuple(construct(Grid, entry, f"{what}: [[scenes]] {i + 1}") for i, entry in enumerate(scenes))
+    methods = _tables(table.pop("methods", []), what, "methods")
+    suite = construct(Suite, table, what)
+    return replace(SuiteFile(**vars(suite), text=text, folder=folder), scenes=grids, methods=methods, **parts)
+
+
+def _located(message: str, text: str, what: str) -> str:
+    found = re.search(r"\s*\(at (?:line (\d+), column (\d+)|end of document)\)$", message)
+    lines = text.splitlines() or [""]
+    line, column = (found[1], found[2]) if found and found[1] else (len(lines), len(lines[-1]) + 1)
+    reason = message[: found.start()] if found else message
+    return f"{what}, line {line}, column {column}: {reason}. Mend the TOML there."
+
+
+def _table(value: Any, what: str) -> Mapping[str, Any]:
+    if not isinstance(value, Mapping):
+        raise BadInput(f"{what} must be a table. Got {value!r} instead.")
+    return value
+
+
+def _tables(value: Any, what: str, key: str) -> tuple[dict[str, Any], ...]:
+    if not isinstance(value, list) or not all(isinstance(entry, dict) for entry in value):
+        raise BadInput(f"{what}: write [[{key}]], a list of tables. Got {value!r} instead.")
+    return tuple(value)

@@ -1,0 +1,215 @@
+"""The process that does the work: it builds scenes, makes references, and renders, scores and times cells.
+
+It answers one request at a time over a pipe, and is trusted with nothing: `supervisor` watches its time and memory.
+"""
+
+from __future__ import annotations
+
+import faulthandler
+import multiprocessing
+import os
+import signal
+import sys
+import threading
+from dataclasses import dataclass, field, replace
+from multiprocessing.connection import Connection
+from typing import Any, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from envbench import llvm, metrics, root, timing
+from envbench.errors import BadInput, CannotRun
+from envbench.failures import failure
+from envbench.messages import FirstPass, MakeReference, Ready, Request, Round, Setup
+from envbench.method import Method, footprint
+from envbench.plan import CellSpec, SceneSpec, remarks
+from envbench.records import CellResult, Phase, SceneResult, Status, Timing
+from envbench.reference import Reference, ReferenceSettings
+from envbench.scene import Scene
+from envbench.settings import plain
+
+SLOW_PREPARE = 1.0
+"""Seconds beyond which `prepare` is timed on its first call only."""
+
+
+def main(pipe: Connection, setup: Setup) -> None:
+    """Load everything once, say `Ready`, and answer requests until the pipe closes or the parent is gone."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's business
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+    _redirect_output(setup)
+    try:
+        desk = _load(pipe, setup)
+    except (BadInput, CannotRun) as error:
+        pipe.send(error)
+        return
+    while True:
+        try:
+            request: Request = pipe.recv()
+        except EOFError:
+            return
+        try:
+            answer: Any = desk.answer(request)
+        except BaseException as error:  # whatever a method raises, SystemExit too, is its cell's failure alone
+            answer = failure(error, request)
+        pipe.send(answer)
+
+
+def _load(pipe: Connection, setup: Setup) -> Desk:
+    from skimage.metrics import peak_signal_noise_ratio, structural_similarity
+
+    _ = peak_signal_noise_ratio, structural_similarity  # seconds to import, which no cell's time-out shall pay for
+    bench = root.load(setup.user)
+    mi = llvm.mitsuba(setup.reference.variant, fallback=True)
+    settings = replace(setup.reference, variant=cast("str", mi.variant()))
+    pipe.send(Ready(settings.variant, timing.threads()))
+    return Desk(bench, setup, settings)
+
+
+def _end_with_parent() -> None:
+    """Die with the parent, however it died: a hung method must not outlive a killed run."""
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)
+
+
+def _redirect_output(setup: Setup) -> None:
+    """Send what methods and libraries print, and the stack of a fatal signal, to the log."""
+    log = os.open(setup.log, os.O_WRONLY | os.O_CREAT | os.O_APPEND)
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os.dup2(log, 1)
+    os.dup2(log, 2)
+    os.close(log)
+    faulthandler.enable(all_threads=False)
+
+
+@dataclass
+class Desk:
+    """What a worker has before it: one scene, its reference, and what each method has prepared for it."""
+
+    bench: root.Workbench
+    setup: Setup
+    settings: ReferenceSettings
+    spec: SceneSpec | None = None
+    scene: Scene | None = None
+    truth: Reference | None = None
+    prepared: dict[str, tuple[Any, bool]] = field(default_factory=dict[str, tuple[Any, bool]])
+    """By cell key: the state, and whether it took long to make."""
+
+    def answer(self, request: Request) -> SceneResult | CellResult | dict[Phase, float]:
+        """Do what is asked."""
+        match request:
+            case MakeReference(spec):
+                return describe(spec, *self.open(spec))
+            case FirstPass(cell):
+                return self.first(cell)
+            case Round(cell):
+                return self.round(cell)
+
+    def open(self, spec: SceneSpec) -> tuple[Scene, Reference]:
+        """Return a scene and its reference, after clearing the desk of any other."""
+        if self.scene is None or self.truth is None or self.spec != spec:
+            self.scene = self.truth = None
+            self.prepared.clear()
+            scene = spec.build(self.bench.catalogue)
+            truth = self.bench.catalogue.reference(scene, self.settings, self.setup.cache)
+            _ = scene.points.reflection  # part of the queries: no method pays for it
+            self.spec, self.scene, self.truth = spec, scene, truth
+        return self.scene, self.truth
+
+    def first(self, cell: CellSpec) -> CellResult:
+        """Render and score a cell."""
+        scene, truth = self.open(cell.scene)
+        method = cell.method
+        lacks = tuple(sorted(effect.value for effect in scene.effects - method.simulates))
+        blank = CellResult(cell.key, cell.scene.name, method.name, dict(cell.settings), Status.OK, lacks=lacks)
+        declined = method.declines(scene)
+        if declined is not None:
+            return replace(blank, status=Status.DECLINED, reason=" ".join(str(declined).split()))
+        prepared, framed, answer, seconds = render(method, scene)
+        values = checked(answer, len(scene.points))
+        self.prepared[cell.key] = prepared, seconds[Phase.PREPARE] > SLOW_PREPARE
+        predicted = method.predicted_error(prepared)
+        return replace(
+            blank,
+            timings=tuple(Timing(phase, s) for phase, s in seconds.items()),
+            scores=metrics.score(values, truth, scene.points),
+            bytes=footprint(framed),
+            predicted_error=None if predicted is None else float(predicted),
+            description=plain(method.describe(prepared)),
+            image=image(values, scene),
+        )
+
+    def round(self, cell: CellSpec) -> dict[Phase, float]:
+        """Time a cell's phases once, after a warm-up where this worker did not make the first pass."""
+        scene, _ = self.open(cell.scene)
+        if cell.key not in self.prepared:
+            state, _, _, seconds = render(cell.method, scene)
+            self.prepared[cell.key] = state, seconds[Phase.PREPARE] > SLOW_PREPARE
+        state, slow = self.prepared[cell.key]
+        return render(cell.method, scene, state if slow else None)[-1]
+
+
+def render(method: Method, scene: Scene, prepared: Any = None) -> tuple[Any, Any, Any, dict[Phase, float]]:
+    """Take a method's four steps, or the last three from what is `prepared`.
+
+    Returns
+    -------
+    prepared, framed : the first and the last state
+    values : the answer
+    seconds : dict of Phase to float
+    """
+    seconds: dict[Phase, float] = {}
+    if prepared is None:
+        prepared, seconds[Phase.PREPARE] = timing.timed(lambda: method.prepare(scene.material, scene.geometry))
+    relit, seconds[Phase.RELIGHT] = timing.timed(lambda: method.relight(prepared, scene.environment))
+    framed, seconds[Phase.FRAME] = timing.timed(lambda: method.frame(relit, scene.viewer))
+    values, seconds[Phase.SHADE] = timing.timed(lambda: method.shade(framed, scene.points))
+    return prepared, framed, values, seconds
+
+
+def checked(answer: Any, count: int) -> NDArray[np.floating]:
+    """Return what `shade` gave if it is radiance (count, 3); raises `BadInput` saying what it is instead."""
+    if not isinstance(answer, np.ndarray):
+        raise BadInput(f"shade must return a NumPy array of shape ({count}, 3). Got {type(answer).__name__} instead.")
+    if answer.shape != (count, 3):
+        raise BadInput(f"shade must return shape ({count}, 3). Got {answer.shape} instead.")
+    if answer.dtype not in (np.float32, np.float64):
+        raise BadInput(f"shade must return float32 or float64. Got {answer.dtype} instead.")
+    bad = int((~np.isfinite(answer)).any(-1).sum())
+    if bad:
+        raise BadInput(f"shade must return finite radiance. Got NaN or infinity at {bad} of {count} points instead.")
+    return answer
+
+
+def image(values: NDArray[np.floating], scene: Scene) -> NDArray[np.float32] | None:
+    """Lay radiance out as an image (H, W, 3) float32 where the points form one."""
+    if scene.points.pixel is None:
+        return None
+    return scene.points.image(values.astype(np.float32)).astype(np.float32)
+
+
+def describe(spec: SceneSpec, scene: Scene, truth: Reference) -> SceneResult:
+    """Return what the store keeps of a scene and its reference."""
+    return SceneResult(
+        name=spec.name,
+        light=spec.light,
+        material=spec.material,
+        geometry=spec.geometry,
+        view=spec.view,
+        specs=plain(spec.specs),
+        effects=tuple(sorted(effect.value for effect in scene.effects)),
+        points=len(scene.points),
+        reference_key=truth.key,
+        reference_floor=truth.floor,
+        reference_target=truth.target,
+        reference_samples=truth.samples,
+        reference_replicates=len(truth.replicates),
+        reference_seconds=truth.seconds,
+        reference_from_cache=truth.from_cache,
+        reference_rms=truth.rms,
+        notes=(*remarks(scene), *truth.notes),
+        image=image(truth.mean, scene),
+    )

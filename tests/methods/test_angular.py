@@ -1,0 +1,237 @@
+"""Angular prefiltering against the slow and obvious sum, closed forms, and its own symmetries."""
+
+from __future__ import annotations
+
+import pickle
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from data_gen import views
+from data_gen.lobes import Lambertian, Microfacet, Phong
+from envbench import latlong
+from envbench.directions import Array, from_angles, normalised, uniform
+from envbench.environment import Environment
+from envbench.errors import BadInput
+from envbench.geometry import Geometry, Points
+from envbench.material import Centre, Lobe, Material
+from envbench.scene import Scene
+from methods.angular import Angular
+from methods.angular.lookup import look_up
+from methods.angular.prefilter import prefilter
+
+SPHERE = Geometry("sphere")
+SINGLE = 2e-5
+"""Single precision: rounding of a lobe's value (1e-6 relative for exponents of about 10), sums of some 10^3 texels."""
+
+
+def random_light(height: int, width: int, seed: int = 0) -> Environment:
+    return Environment("random", np.random.default_rng(seed).uniform(0, 1, (height, width, 3)).astype(np.float32))
+
+
+def constant_light(height: int) -> Environment:
+    return Environment("constant", np.ones((height, 2 * height, 3), np.float32))
+
+
+def smooth_light(height: int) -> Environment:
+    x, y, z = np.moveaxis(latlong.grid(height, 2 * height), -1, 0)
+    return Environment("smooth", np.stack([1 + x, 1 + y * z, 1 + np.sin(2 * x + z)], -1).astype(np.float32))
+
+
+def obvious(light: Environment, lobe: Lobe, centre: Array, view: Array, normal: Array, cone: float = np.pi) -> Array:
+    """Sum over all texels within `cone` of the centre, one query (3,) at a time, in double precision."""
+    grid = latlong.grid(*light.radiance.shape[:2]).reshape(-1, 3)
+    power = (light.radiance * latlong.solid_angles(*light.radiance.shape[:2])[..., None].astype(float)).reshape(-1, 3)
+    rho = lobe.evaluate(grid.T, view[:, None], centre[:, None], normal[:, None])
+    inside = grid @ centre >= np.cos(cone)
+    return np.array([np.sum(rho[channel] * inside * power[:, channel]) for channel in range(3)])
+
+
+def turn(alpha: float, beta: float) -> Array:
+    """R(alpha, beta) = Rz(beta) Ry(alpha) as a matrix."""
+    ca, sa, cb, sb = np.cos(alpha), np.sin(alpha), np.cos(beta), np.sin(beta)
+    return np.array([[cb, -sb, 0], [sb, cb, 0], [0, 0, 1]]) @ np.array([[ca, 0, sa], [0, 1, 0], [-sa, 0, ca]])
+
+
+def points_about(normal: Array, view: Array) -> Points:
+    return Points(normal, normal, normal, normal, view, np.full(len(normal), 1 / len(normal)))
+
+
+def nrmse(result: Any, truth: Any) -> float:
+    return float(np.sqrt(np.mean((result - truth) ** 2) / np.mean(truth**2)))
+
+
+@pytest.mark.parametrize("lobe", [Lambertian(), Phong(exponent=8, clipped=False), Phong(exponent=300, clipped=False)])
+@pytest.mark.parametrize("eps", [0.3, 0.001])
+def test_a_radially_symmetric_map_is_the_obvious_sum(lobe: Lobe, eps: float) -> None:
+    light, shape = random_light(23, 37), (5, 9)
+    maps = prefilter(light.radiance, lobe, shape, eps)
+    assert maps.shape == (5, 9, 1, 1, 3)
+    centres = latlong.grid(*shape).reshape(-1, 3)
+    truth = [obvious(light, lobe, c, c, c, lobe.cone(eps)) for c in centres]
+    np.testing.assert_allclose(maps.reshape(-1, 3), truth, rtol=0, atol=SINGLE * np.max(truth))
+
+
+@pytest.mark.parametrize("lobe", [Phong(exponent=5, reflectance=(0.2, 1, 0.5)), Microfacet(sigma=0.3)])
+def test_maps_over_views_are_the_obvious_sum(lobe: Lobe) -> None:
+    light, shape, views_, eps = random_light(16, 21), (4, 6), 4, 0.05
+    maps = prefilter(light.radiance, lobe, shape, eps, views_)
+    assert maps.shape == (4, 6, 4, 4, 3)
+    truth = np.zeros(maps.shape)
+    for row, alpha in enumerate(latlong.angles(*shape)[0]):
+        for column, beta in enumerate(latlong.angles(*shape)[1]):
+            for k, theta in enumerate(np.linspace(0, np.pi, views_)):
+                for m, phi in enumerate(2 * np.pi * np.arange(views_) / views_):
+                    frame = turn(alpha, beta)
+                    view, normal = frame @ from_angles(theta, phi), frame @ from_angles(theta / 2, phi)
+                    truth[row, column, k, m] = obvious(light, lobe, frame[:, 2], view, normal, lobe.cone(eps))
+    np.testing.assert_allclose(maps, truth, rtol=0, atol=SINGLE * truth.max())
+
+
+@pytest.mark.parametrize("eps", [0.3, 0.05, 0.001])
+@pytest.mark.parametrize("lobe", [Lambertian(), Phong(exponent=8, clipped=False)])
+def test_the_cone_loses_eps_of_a_constant_light(lobe: Lobe, eps: float) -> None:
+    rows = 128
+    maps = prefilter(constant_light(rows).radiance, lobe, (16, 8), eps)
+    # the cone's edge cuts a ring of texels: the sum errs by less than the ring half a texel wide
+    edge = from_angles(lobe.cone(eps), 0.0)[:, None]
+    axis = np.array([[0.0], [0.0], [1.0]])
+    ring = lobe.profile(edge, axis, axis, axis)[0][0] * 2 * np.pi * np.sin(lobe.cone(eps)) * (np.pi / rows / 2)
+    # and the smooth inside is a midpoint sum, of error h^2 / 24 times a second derivative of at most 2 s
+    assert np.abs(maps - (1 - eps)).max() < ring + (np.pi / rows) ** 2 / 24 * 16 + SINGLE
+
+
+def test_a_clipped_lobe_loses_what_lies_below_the_horizon() -> None:
+    rows, views_ = 96, 4
+    whole = Phong(exponent=64, clipped=False)
+    clipped = replace(whole, clipped=True)
+    maps = prefilter(constant_light(rows).radiance, clipped, (8, 4), 1e-4, views_)
+    np.testing.assert_allclose(maps[:, :, 0], 1, atol=1e-3)  # R = N: nothing of it lies below
+    # grazing, R perpendicular to N: half of it; the cut through the peak errs by up to half a texel's strip of the lobe
+    strip = np.sqrt(whole.exponent / (2 * np.pi)) * np.pi / rows / 2
+    np.testing.assert_allclose(maps[:, :, -1], 0.5, atol=strip + 1e-3)
+
+
+def test_look_up_means_what_latlong_means() -> None:
+    maps = random_light(6, 12).radiance
+    rng = np.random.default_rng(1)
+    poles_and_seam = from_angles([0, np.pi, 0.01, 3.13, 1.0, 1.0], [0, 0, 2, 5, 1e-9, 2 * np.pi - 1e-9])
+    normal = np.concatenate([uniform(500, rng), poles_and_seam, [[0.0, 0, 1], [0, 0, -1]]])
+    found = look_up(maps[:, :, None, None], Centre.NORMAL, points_about(normal, normal))
+    np.testing.assert_allclose(found, latlong.interpolate(maps, normal), atol=SINGLE)
+
+
+def test_look_up_of_views_is_right_at_poles_and_seams() -> None:
+    rows, views_ = 48, 32
+
+    def truth(centre: Array, view: Array) -> Array:
+        mixed = np.cross(centre, [0.3, 0.5, 0.8])
+        return np.stack([view[..., 0], np.sum(view * mixed, -1), view[..., 2] * centre[..., 1]], -1)
+
+    alpha, beta = latlong.angles(rows, 2 * rows)
+    theta, phi = np.linspace(0, np.pi, views_), 2 * np.pi * np.arange(views_) / views_
+    frames = np.array([[turn(a, b) for b in beta] for a in alpha])
+    local = from_angles(theta[:, None], phi[None, :])
+    view = np.einsum("abij,klj->abkli", frames, local)
+    maps = truth(np.broadcast_to(frames[:, :, None, None, :, 2], view.shape), view).astype(np.float32)
+
+    rng = np.random.default_rng(2)
+    poles = from_angles([0.002, 0.03, 0.03, np.pi - 0.01, np.pi - 0.04, 1.0, 1.0], [0, 3, 6, 1, 4, 1e-4, 6.2831])
+    centre = np.concatenate([np.repeat(poles, 50, 0), uniform(300, rng)])
+    view = uniform(len(centre), rng)
+    points = points_about(normalised(centre + view), view)
+    # bilinear in four angles, each of spacing h, of products of at most two unit sinusoids: 4 (h^2 / 8) each, and twice
+    # that about phi, whose spacing on the view's sphere is doubled
+    bound = ((np.pi / rows) ** 2 * 2 + (np.pi / (views_ - 1)) ** 2 + (2 * np.pi / views_) ** 2) / 2
+    found = look_up(maps, Centre.REFLECTION, points)
+    assert np.abs(found - truth(points.reflection, view)).max() < bound
+
+
+def test_microfacet_converges_as_the_grids_grow() -> None:
+    lobe = Microfacet(sigma=0.3)
+    light = smooth_light(48)
+    points, _ = views.build({"kind": "uniform", "count": 200, "seed": 3}, SPHERE)
+    truth = np.array(
+        [obvious(light, lobe, r, v, n) for r, v, n in zip(points.reflection, points.view, points.normal, strict=True)]
+    )
+    errors = []
+    for rows, views_ in ((6, 4), (12, 8), (24, 16)):
+        method = Angular(light_rows=0, rows=rows, directions=views_, eps=1e-4)
+        result = method.shade(method.relight(method.prepare(Material("m", (lobe,)), SPHERE), light), points)
+        errors.append(nrmse(result, truth))
+    # second order would divide by 4, but a kink (the horizon) keeps bilinear interpolation from it: by 2 at least
+    assert errors[0] > 2 * errors[1] > 4 * errors[2]
+    assert errors[2] < 0.02
+
+
+@dataclass(frozen=True, kw_only=True)
+class AboutTheTangent(Phong):
+    centre = Centre.TANGENT
+
+
+def scene(*lobes: Lobe) -> Scene:
+    points, viewer = views.build({"kind": "image", "size": 4, "direction": [0, 0, 1]}, SPHERE)
+    return Scene("s", constant_light(8), Material("m", lobes), SPHERE, points, viewer)
+
+
+def test_it_declines_only_what_it_cannot_hold() -> None:
+    assert Angular().declines(scene(Lambertian(), Phong(), Microfacet(), AboutTheTangent(clipped=False))) is None
+    assert "also depends on the normal" in str(Angular().declines(scene(AboutTheTangent())))
+    assert "GiB; lower rows or directions" in str(Angular(rows=512, directions=32).declines(scene(Phong())))
+
+
+def relit(method: Angular, light: Environment, *lobes: Lobe) -> Any:
+    return method.relight(method.prepare(Material("m", lobes), SPHERE), light)
+
+
+def test_the_exact_laws() -> None:
+    method = Angular(light_rows=12, rows=12, directions=4, eps=0.01)
+    points, _ = views.build({"kind": "uniform", "count": 64, "seed": 0}, SPHERE)
+    lobes = (Lambertian(), Phong(exponent=8, reflectance=(0.5, 0.2, 0.1)))
+    light = random_light(24, 48)
+    state = relit(method, light, *lobes)
+    once = method.shade(state, points)
+    assert once.shape == (64, 3)
+    np.testing.assert_array_equal(once, method.shade(relit(method, light, *lobes), points))
+    np.testing.assert_array_equal(once, method.shade(pickle.loads(pickle.dumps(state)), points))
+    each = sum(method.shade(relit(method, light, lobe), points) for lobe in lobes)
+    np.testing.assert_allclose(once, each, rtol=1e-6)
+    tripled = relit(method, Environment("3", 3 * light.radiance), *lobes)
+    np.testing.assert_allclose(method.shade(tripled, points), 3 * once, rtol=method.tolerance().linearity)
+    assert not method.shade(relit(method, Environment("0", 0 * light.radiance), *lobes), points).any()
+
+
+def test_turning_light_and_points_by_whole_columns_changes_nothing() -> None:
+    method = Angular(light_rows=0, rows=12, directions=6, eps=0.01)
+    points, _ = views.build({"kind": "uniform", "count": 64, "seed": 0}, SPHERE)
+    light, lobe = random_light(24, 48), Microfacet(sigma=0.4, clipped=False)
+    turned_light = Environment("turned", np.roll(light.radiance, 10, axis=1))  # 5 columns of the map
+    about_z = turn(0.0, 2 * np.pi * 10 / 48)
+    turned_points = points_about(points.normal @ about_z.T, points.view @ about_z.T)
+    here, there = relit(method, light, lobe), relit(method, turned_light, lobe)
+    np.testing.assert_allclose(method.shade(there, turned_points), method.shade(here, points), rtol=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"rows": 1}, r"angular rows must lie in \[2, 2048\]. Got 1 instead."),
+        ({"light_rows": 1}, r"angular light_rows must be 0 or lie in \[2, 8192\]. Got 1 instead."),
+        ({"directions": 5}, r"angular directions must be even and lie in \[2, 64\]. Got 5 instead."),
+        ({"eps": 0.0}, r"angular eps must lie in \(0, 1\). Got 0.0 instead."),
+    ],
+)
+def test_settings_out_of_range_are_named(settings: dict[str, Any], message: str) -> None:
+    with pytest.raises(BadInput, match=message):
+        Angular(**settings)
+
+
+def test_what_was_chosen_is_described() -> None:
+    method = Angular(rows=32, directions=8)
+    description = method.describe(method.prepare(Material("m", (Lambertian(), Phong(exponent=8))), SPHERE))
+    assert description["lambertian 0: maps"] == "1x1 of 64x32"
+    assert description["phong 1: maps"] == "8x8 of 64x32"
+    assert description["phong 1: cone"] == "53.2 degrees"
+    assert len(Angular.sweep()) >= 3
