@@ -137,7 +137,7 @@ def _load(path: Path) -> _Loaded:
 
 
 def _load_npz(path: Path) -> _Loaded:
-    with np.load(path, allow_pickle=False) as file:
+    with path.open("rb") as stream, np.load(stream, allow_pickle=False) as file:
         normals = file["normals"].astype(float) if "normals" in file else None
         uv = file["uv"].astype(float) if "uv" in file else None
         return file["vertices"].astype(float), np.asarray(file["triangles"]), normals, uv

@@ -37,7 +37,7 @@ def bsdf(material: Material) -> Any:
             wo, valid = _draw(mi, lobes, chances, si.wi, sample1, sample2)
             value, pdf = self.eval_pdf(ctx, si, wo)
             valid = valid & active & (pdf > 0)
-            sample = mi.BSDFSample3f(wo)
+            sample: Any = mi.BSDFSample3f(wo)
             sample.pdf = _select(mi, valid, pdf, mi.Float(0))
             sample.eta = 1.0
             sample.sampled_type = mi.UInt32(+self.m_flags)

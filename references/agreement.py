@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import stats
@@ -86,7 +86,13 @@ def table(scenes: Iterable[Scene], settings: ReferenceSettings = SETTINGS) -> li
 
 def _some(points: Points) -> Points:
     chosen = np.unique(np.linspace(0, len(points) - 1, QUERIES).round().astype(int))
-    columns = {f.name: getattr(points, f.name) for f in fields(points) if f.name != "image_shape"}
-    chosen_columns = {name: None if column is None else column[chosen] for name, column in columns.items()}
-    weight = np.full(len(chosen), 1 / len(chosen))
-    return Points(**{**chosen_columns, "weight": weight, "pixel": None})
+    return replace(
+        points,
+        position=points.position[chosen],
+        normal=points.normal[chosen],
+        geometric_normal=points.geometric_normal[chosen],
+        tangent=points.tangent[chosen],
+        view=points.view[chosen],
+        weight=np.full(len(chosen), 1 / len(chosen)),
+        **dict.fromkeys(("rotation", "triangle", "barycentric", "uv", "material", "pose", "pixel", "image_shape")),
+    )

@@ -10,7 +10,6 @@ from __future__ import annotations
 import hashlib
 import inspect
 import json
-import os
 import tempfile
 from collections.abc import Mapping
 from dataclasses import asdict
@@ -126,7 +125,7 @@ def store(folder: Path, reference: Reference) -> None:
         digest = _digest(file.read_bytes())
         with file.open("ab") as stream:
             stream.write(_TRAILER + digest)
-        os.replace(file, path(folder, reference.key))
+        file.replace(path(folder, reference.key))
 
 
 def path(folder: Path, key: str) -> Path:

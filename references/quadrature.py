@@ -34,6 +34,8 @@ _TAIL = 1e-9
 """Part of a lobe that may lie outside the cone that is integrated."""
 _BLOCK = 8192
 """Cells worked on at a time: their arrays stay in the processor's cache."""
+_CELLS = 6
+"""A cell is at most this part of the cone that holds half of the lobe, so that none hides between the nodes."""
 _DEPTH = 20
 _NODES = 0.5 + np.array([-0.5, 0.5]) / np.sqrt(3)  # Gauss-Legendre on [0, 1], both weights 1/2
 
@@ -72,7 +74,7 @@ def integrate(scene: Scene, indices: ArrayLike | None = None, *, tolerance: floa
         frames = np.stack([points.view, points.central(lobe.centre), points.normal], axis=1)[chosen]
         work = partial(_block_integrals, environment, lobe, frames, scale)
         with ThreadPoolExecutor(os.cpu_count()) as pool:
-            for part in pool.map(work, _blocks(environment, lobe.cone(0.5))):  # in order: the sum is deterministic
+            for part in pool.map(work, _blocks(environment)):  # in order: the sum is deterministic
                 total += part
     return total
 
@@ -143,14 +145,12 @@ def _inner(value: Array, energy: Array) -> Array:
     return np.einsum("ck,ck->c", value.reshape(3, -1), energy.reshape(3, -1))
 
 
-def _blocks(environment: Environment, width: float) -> Iterator[_Rule]:
-    """Yield the cells of the whole sphere, some rows at a time, none larger than an eighth of a lobe's half-`width`."""
+def _blocks(environment: Environment) -> Iterator[_Rule]:
+    """Yield the cells of the whole sphere, some rows at a time."""
     height, columns = environment.radiance.shape[:2]
-    finer = max(1, int(np.ceil(8 * np.pi / height / width)))
-    knots = np.concatenate([[0.0], np.pi * (np.arange(height) + 0.5) / height, [np.pi]])
-    theta = np.interp(np.arange((height + 1) * finer + 1) / finer, np.arange(height + 2), knots)
+    theta = np.concatenate([[0.0], np.pi * (np.arange(height) + 0.5) / height, [np.pi]])
     # with an odd number of columns, half-turned knots (the polar cells) fall between columns
-    count = columns * finer * (1 + columns % 2)
+    count = columns * (1 + columns % 2)
     phi = 2 * np.pi * (0.5 / columns + np.arange(count + 1) / count)
     rows = max(1, _BLOCK // count)
     for start in range(0, len(theta) - 1, rows):
@@ -162,13 +162,13 @@ def _blocks(environment: Environment, width: float) -> Iterator[_Rule]:
 
 def _block_integrals(environment: Environment, lobe: Lobe, frames: Array, scale: float, rule: _Rule) -> Array:
     """Return the block's part of every query's integral, (n, 3); `frames` (n, 3, 3) holds view, centre and normal."""
-    whole, cone = replace(lobe, clipped=False), lobe.cone(_TAIL)
+    whole, cone, size = replace(lobe, clipped=False), lobe.cone(_TAIL), lobe.cone(0.5) / _CELLS
     top, bottom = rule.cells.theta0.min(), rule.cells.theta1.max()
     alpha, _ = to_angles(frames[:, 1])
     result = np.zeros((len(frames), 3))
     for i in np.flatnonzero((alpha + cone >= top) & (alpha - cone <= bottom)):
         view, centre, normal = frames[i]
-        query = _Query(environment, whole, view, centre, normal, cone, lobe.clipped, scale)
+        query = _Query(environment, whole, view, centre, normal, cone, lobe.clipped, scale, size)
         result[i] = query.integral(rule)
     return result
 
@@ -185,6 +185,7 @@ class _Query:
     cone: float
     clipped: bool
     scale: float
+    size: float
 
     def integral(self, rule: _Rule, depth: int = 0) -> Array:
         """Integrate over the rule's cells, splitting those on which the lobe is not resolved."""
@@ -197,7 +198,7 @@ class _Query:
             return np.zeros(3)
         rule = rule[near]
         value = np.stack(self.whole.evaluate(rule.light, self.view, self.centre, self.normal))
-        leaf = self._resolved(value, rule.energy) if depth < _DEPTH else np.ones(near.sum(), bool)
+        leaf = (rule.radius <= self.size) & self._resolved(value, rule.energy) | (depth == _DEPTH)
         total = np.zeros(3)
         if not leaf.all():
             total += self.integral(_Rule.of(rule.cells[~leaf].split(), self.environment), depth + 1)

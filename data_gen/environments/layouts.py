@@ -13,6 +13,7 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import NDArray
 
+from envbench.cubemap import FACES
 from envbench.directions import Array, from_angles
 from envbench.errors import BadInput
 
@@ -41,18 +42,6 @@ class Layout(StrEnum):
     STRIP = "strip"
 
 
-# Right, up, forward of the point (a, b) of each face, a to the right and b downwards in [-1, 1]: rows (a, b, 1).
-_FACES: Array = np.array(
-    [
-        [(0, 0, 1), (0, -1, 0), (-1, 0, 0)],  # +X: (1, -b, -a)
-        [(0, 0, -1), (0, -1, 0), (1, 0, 0)],  # -X: (-1, -b, a)
-        [(1, 0, 0), (0, 0, 1), (0, 1, 0)],  # +Y: (a, 1, b)
-        [(1, 0, 0), (0, 0, -1), (0, -1, 0)],  # -Y: (a, -1, -b)
-        [(1, 0, 0), (0, -1, 0), (0, 0, 1)],  # +Z: (a, -b, 1)
-        [(-1, 0, 0), (0, -1, 0), (0, 0, -1)],  # -Z: (-a, -b, -1)
-    ],
-    float,
-)
 _CROSS_CELLS = ((1, 2), (1, 0), (0, 1), (2, 1), (1, 1), (3, 1))
 """Row and column of each face in a vertical cross."""
 
@@ -153,7 +142,7 @@ def _bordered(faces: NDArray[np.float32]) -> NDArray[np.float32]:
     n = faces.shape[1]
     inner = np.pad(faces, ((0, 0), (1, 1), (1, 1), (0, 0)), mode="edge")
     a = (2 * np.arange(n + 2) - 1.0) / n - 1
-    right_up_forward = np.einsum("fkc,ijc->fijk", _FACES, np.stack([*np.meshgrid(a, a), np.ones((n + 2, n + 2))], -1))
+    right_up_forward = np.einsum("fkc,ijc->fijk", FACES, np.stack([*np.meshgrid(a, a), np.ones((n + 2, n + 2))], -1))
     bordered = _cube(inner, right_up_forward[..., [2, 0, 1]])
     bordered[:, 1:-1, 1:-1] = faces
     return bordered
@@ -167,7 +156,7 @@ def _cube(faces: NDArray[np.float32], direction: Array) -> NDArray[np.float32]:
     depth = np.take_along_axis(axes, major[..., None], axis=-1)
     face = 2 * major + (depth[..., 0] < 0)
     # A face's matrix has orthonormal columns: transposed it takes (right, up, forward) back to (a, b, 1).
-    a, b, _ = np.moveaxis(np.einsum("...kc,...k->...c", _FACES[face], axes / np.abs(depth)), -1, 0)
+    a, b, _ = np.moveaxis(np.einsum("...kc,...k->...c", FACES[face], axes / np.abs(depth)), -1, 0)
     return _bilinear(faces, face, (a + 1) * n / 2 + 0.5, (b + 1) * n / 2 + 0.5)
 
 

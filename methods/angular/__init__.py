@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import degrees, pi
+from math import degrees, exp, pi
 from typing import Any, Self
 
 import numpy as np
@@ -60,8 +60,8 @@ class Angular(Method):
     source = "Ramamoorthi and Hanrahan 2002, sec. 6.2 (angular-space prefiltering) and appendix D (cone)"
 
     light_rows: int = 64
-    rows: int = 64
-    directions: int = 12
+    rows: int = 32
+    directions: int = 8
     eps: float = 0.01
 
     def __post_init__(self) -> None:
@@ -115,16 +115,22 @@ class Angular(Method):
             out[f"{label}: cone"] = f"{degrees(lobe.cone(self.eps)):.1f} degrees"
         return out
 
-    def tolerance(self) -> Tolerance:
-        """Allow for the grids, for lobes about as wide as a radian or that the grids resolve well.
+    def tolerance(self, prepared: tuple[Lobe, ...]) -> Tolerance:
+        """Allow for the grids, w the narrowest lobe's width (the cone that holds all but 1 / e of it).
 
-        Constant light: the cone loses eps, and where the lobe jumps (a clipped one) point samples meet the jump to the
-        first order of the light's spacing. Rotation: the same, and bilinear interpolation over the map (h_B) and over
-        the view (azimuths are h_T = 2 pi / T apart) leaves h^2 / 8 of a second derivative taken to be 4, as of cos 2 phi.
+        Constant light: the cone loses eps; point samples meet a jump (a clipped lobe) to within half a texel's strip of
+        the lobe, at most h_L / (2 w); and a lobe that sinks below the horizon, about erfc((pi - theta_o) / (2 w)) / 2,
+        has second derivatives below 1 / (8 w^2), of which interpolation leaves h^2 / 8, and at most a half. Rotation:
+        the same, and h^2 / 8 of second derivatives over the map (4: light that varies over half a radian, as that of
+        `envbench.laws`) and over phi_o (1).
         """
-        h_light, h_map, h_view = pi / (self.light_rows or 64), pi / self.rows, 2 * pi / self.directions
-        constant = self.eps + h_light
-        return Tolerance(constant_light=constant, rotation=constant + (h_map**2 + h_view**2) / 2)
+        width = min(lobe.cone(exp(-1)) for lobe in prepared)
+        constant = self.eps + pi / (self.light_rows or 64) / (2 * width)
+        rotation = 4 * (pi / self.rows) ** 2 / 8
+        if max(map(self._views, prepared)) > 1:
+            constant += min((pi / (self.directions - 1) / width) ** 2 / 64, 0.5)
+            rotation += (2 * pi / self.directions) ** 2 / 8
+        return Tolerance(constant_light=constant, rotation=constant + rotation)
 
     @classmethod
     def sweep(cls) -> Sequence[Self]:

@@ -22,7 +22,7 @@ _VARIANT = """
 import sys
 from envbench import llvm
 mi = llvm.mitsuba(sys.argv[1])
-scene = mi.load_dict({"type": "scene", "integrator": {"type": "direct"}, "light": {"type": "constant"}, "shape": {"type": "sphere"},
+scene = mi.load_dict({"type": "scene", "integrator": {"type": "direct"}, "light": {"type": "constant"},
                       "sensor": {"type": "perspective", "film": {"type": "hdrfilm", "width": 4, "height": 4}}})
 assert float(mi.TensorXf(mi.render(scene, spp=1)).array[0]) > 0
 """

@@ -122,9 +122,9 @@ class Runner:
         return live
 
     def _time(self, live: dict[str, tuple[CellSpec, CellResult]]) -> None:
-        """Time the cells of a scene in turn, each round in the opposite order of the one before."""
+        """Time the cells of a scene in turn, every other round backwards, the last as planned."""
         for number in range(self.plan.rounds):
-            for key in list(live) if number % 2 == 0 else list(reversed(live)):
+            for key in list(live)[:: 1 if (self.plan.rounds - number) % 2 else -1]:
                 cell, result = live[key]
                 if sum(self.calls[key]) + self.calls[key][-1] > self.seconds:  # the rounds so far have to do
                     self._settle(live.pop(key)[1])

@@ -53,7 +53,8 @@ def table(store: Store, ref: str, *, scenes: Sequence[str] = (), metrics: Sequen
             raise unknown("scene of this run:", scene, {cell.scene for cell in cells})
     grid = Table("scene", "method", *metrics, "relight", "shade", "memory", "status", box=None, header_style="bold")
     last = ""
-    for cell in sorted(cells, key=lambda cell: cell.scene):
+    order = store.scene_names(run.id)
+    for cell in sorted(cells, key=lambda cell: order.index(cell.scene)):
         if scenes and cell.scene not in scenes:
             continue
         scores = {score.metric: score for score in cell.scores}

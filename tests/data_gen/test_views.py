@@ -1,0 +1,169 @@
+"""Queries: uniform statistics, the sphere in closed form, meshes against the sphere that they approximate."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import trimesh
+
+from data_gen.geometry import read
+from data_gen.views import VIEWS, build
+from envbench.directions import normalised, perpendicular
+from envbench.errors import BadInput
+from envbench.geometry import Geometry, Points, Viewer
+
+SPHERE = Geometry("sphere")
+
+
+def check_unit(points: Points) -> None:
+    for name in ("normal", "geometric_normal", "tangent", "view"):
+        np.testing.assert_allclose(np.linalg.norm(getattr(points, name), axis=1), 1, atol=1e-12)
+    assert np.sum(points.normal * points.view, axis=1).min() > 0
+    np.testing.assert_allclose(np.sum(points.normal * points.tangent, axis=1), 0, atol=1e-12)
+    assert points.weight.sum() == pytest.approx(1)
+
+
+@pytest.mark.parametrize("name", VIEWS)
+def test_presets_can_be_built(name: str) -> None:
+    points, viewer = build({**VIEWS[name], **({"size": 32} if VIEWS[name]["kind"] == "image" else {})}, SPHERE, name)
+    check_unit(points)
+    assert (viewer is None) == (name == "uniform")
+
+
+def test_uniform_queries_have_independent_uniform_r_and_v() -> None:
+    points, viewer = build({"kind": "uniform", "count": 4096, "seed": 5}, SPHERE)
+    assert viewer is None
+    check_unit(points)
+    r, v = points.reflection, points.view
+    np.testing.assert_allclose(points.normal, normalised(r + v), atol=1e-9)
+    np.testing.assert_array_equal(points.position, points.normal)
+    # moments of the uniform distribution; scrambled Sobol points err less than independent ones, whose standard
+    # deviation is at most 1 / sqrt(n) here, so five of them are ample
+    bound = 5 / np.sqrt(len(points))
+    for direction in (r, v):
+        assert np.abs(direction.mean(0)).max() < bound
+        assert np.abs(direction.T @ direction / len(points) - np.eye(3) / 3).max() < bound
+    assert np.abs(r.T @ v / len(points)).max() < bound
+
+
+def test_uniform_queries_follow_seed_and_count() -> None:
+    def view(count: int, seed: int) -> Any:
+        return build({"kind": "uniform", "count": count, "seed": seed}, SPHERE)[0].view
+
+    np.testing.assert_array_equal(view(100, 1), view(100, 1))
+    assert len(view(100, 1)) == 100
+    assert len(view(1, 0)) == 1
+    assert not np.array_equal(view(100, 1), view(100, 2))
+
+
+@pytest.mark.parametrize("direction", [(0, 0, 1), (0, -1, 0), (1, 2, -0.5)])
+def test_an_image_of_the_sphere_is_its_closed_form(direction: tuple[float, float, float]) -> None:
+    size = 33
+    points, viewer = build({"kind": "image", "size": size, "direction": direction}, SPHERE)
+    check_unit(points)
+    towards = normalised(direction)
+    assert viewer == Viewer(direction=tuple(towards))
+    np.testing.assert_array_equal(points.view, np.broadcast_to(towards, points.view.shape))
+    np.testing.assert_array_equal(points.position, points.normal)
+    assert points.pixel is not None
+    y, x = 1 - 2 * (points.pixel[:, 0] + 0.5) / size, 2 * (points.pixel[:, 1] + 0.5) / size - 1
+    np.testing.assert_allclose(points.normal @ towards, np.sqrt(1 - x * x - y * y), atol=1e-12)
+    middle = np.arange(size) + 0.5
+    covered = np.add.outer((2 * middle / size - 1) ** 2, (2 * middle / size - 1) ** 2) < 1
+    np.testing.assert_array_equal(np.isfinite(points.image(points.normal)[..., 0]), covered)
+    if direction == (0, -1, 0):  # seen from -y with z up, x grows to the right
+        np.testing.assert_allclose(points.normal[:, [0, 2]], np.stack([x, y], 1), atol=1e-12)
+
+
+def test_an_eye_sees_the_sphere_in_perspective() -> None:
+    eye = np.array([1.0, -3.0, 2.0])
+    points, viewer = build({"kind": "image", "size": 64, "eye": eye.tolist(), "fov": 50}, SPHERE)
+    check_unit(points)
+    assert viewer is not None
+    np.testing.assert_allclose(viewer.axis, normalised(-eye))
+    np.testing.assert_allclose(points.view, normalised(eye - points.position), atol=1e-12)
+    assert points.pixel is not None
+    # the pinhole's projection of each point is the centre of its pixel
+    towards = points.position - eye
+    right = normalised(np.cross(normalised(-eye), [0, 0, 1]))
+    x = (towards @ right) / (towards @ normalised(-eye)) / np.tan(np.radians(25))
+    np.testing.assert_allclose(x, 2 * (points.pixel[:, 1] + 0.5) / 64 - 1, atol=1e-12)
+
+
+def ball(path: Path, subdivisions: int = 4) -> Geometry:
+    mesh: Any = trimesh.creation.icosphere(subdivisions=subdivisions)
+    np.savez(path, vertices=mesh.vertices, triangles=mesh.faces, normals=mesh.vertices, uv=mesh.vertices[:, :2])
+    return read(path)
+
+
+@pytest.mark.parametrize("camera", [{"direction": [0.3, -1, 0.2]}, {"eye": [0, -4, 1], "fov": 35, "target": [0, 0, 0]}])
+def test_a_fine_mesh_of_the_sphere_gives_the_spheres_points(camera: dict[str, Any], tmp_path: Path) -> None:
+    geometry, spec = ball(tmp_path / "ball.npz"), {"kind": "image", "size": 48, **camera}
+    points, viewer = build(spec, geometry)
+    truth, true_viewer = build(spec, SPHERE)
+    check_unit(points)
+    assert viewer == true_viewer
+    mesh = geometry.mesh
+    assert mesh is not None
+    assert points.triangle is not None
+    assert points.barycentric is not None
+    assert points.uv is not None
+    corners = mesh.triangles[points.triangle]
+    np.testing.assert_allclose(points.barycentric.sum(1), 1, atol=1e-6)
+    np.testing.assert_allclose(np.einsum("nk,nkc->nc", points.barycentric, mesh.vertices[corners]), points.position)
+    np.testing.assert_allclose(points.uv, points.position[:, :2], atol=1e-6)
+    # a facet of edge e lies e^2 / 8 inside the sphere; seen at N.V = c, that moves the point by e^2 / (8 c)
+    edge = np.linalg.norm(mesh.vertices[corners[:, 0]] - mesh.vertices[corners[:, 1]], axis=1).max()
+    both = np.isfinite(truth.image(truth.normal)).all(-1) & np.isfinite(points.image(points.normal)).all(-1)
+    error = np.linalg.norm(truth.image(truth.normal) - points.image(points.normal), axis=-1)[both]
+    cosine = truth.image(np.sum(truth.normal * truth.view, axis=1)[:, None])[..., 0][both]
+    assert (error[cosine > 0.3] < edge**2 / 4 / cosine[cosine > 0.3]).all()
+    assert np.count_nonzero(both) > 0.97 * len(truth)
+
+
+def test_what_faces_away_is_left_out_and_counted(tmp_path: Path) -> None:
+    # two triangles in the plane z = 0, as large; the shading normals of the right one face away from the viewer
+    vertices = np.array([[-1, -1, 0], [0, -1, 0], [-1, 1, 0], [0, -1, 0], [1, -1, 0], [1, 1, 0]], float)
+    normals = np.array([[0, 0, 1]] * 3 + [[0, 0.6, -0.8]] * 3)
+    np.savez(tmp_path / "a.npz", vertices=vertices, triangles=[[0, 1, 2], [3, 4, 5]], normals=normals)
+    points, _ = build({"kind": "image", "size": 32, "direction": [0, 0, 1], "up": [0, 1, 0]}, read(tmp_path / "a.npz"))
+    assert set(np.sign(points.position[:, 0])) == {-1.0}
+    away, covered = len(points), 2 * len(points)
+    assert points.notes == (f"{away} of {covered} covered pixels are left out: their normal faces away.",)
+
+
+def test_the_tangent_is_a_perpendicular() -> None:
+    points, _ = build({"kind": "uniform", "count": 16}, SPHERE)
+    np.testing.assert_array_equal(points.tangent, perpendicular(points.normal))
+
+
+@pytest.mark.parametrize(
+    ("spec", "message"),
+    [
+        ({"kind": "uniform", "count": 0}, r"count must be an integer in \[1, 16777216\]. Got 0 instead."),
+        ({"kind": "uniform", "seed": 1.5}, "seed must be an integer"),
+        ({"kind": "unifrom"}, "did you mean 'uniform'"),
+        ({"kind": "uniform", "cuont": 4}, "did you mean 'count'"),
+        ({"kind": "image"}, "either a direction or an eye; give exactly one"),
+        ({"kind": "image", "direction": [0, 0, 1], "eye": [0, 0, 2]}, "either a direction or an eye"),
+        ({"kind": "image", "direction": [0, 0, 0]}, "direction must not be zero"),
+        ({"kind": "image", "direction": [0, 1]}, r"direction must be three finite numbers. Got \[0, 1\] instead."),
+        ({"kind": "image", "direction": [0, 0, 1], "fov": 30}, "fov and target belong to an eye"),
+        ({"kind": "image", "eye": [0, 0, 2], "fov": 180}, r"fov must lie in \(0, 180\) degrees. Got 180 instead."),
+        ({"kind": "image", "eye": [0, 0, 0.5]}, "lies inside the unit sphere; move it out."),
+        ({"kind": "image", "eye": [0, 0, 3], "target": [0, 0, 3]}, "lies at its own target"),
+        ({"kind": "image", "eye": [0, 0, 3], "target": [0, 0, 9]}, "sees nothing of 'sphere'"),
+        ({"kind": "image", "size": 0, "direction": [0, 0, 1]}, "size must be an integer"),
+    ],
+)
+def test_wrong_tables_are_refused(spec: dict[str, Any], message: str) -> None:
+    with pytest.raises(BadInput, match=message):
+        build(spec, SPHERE, "v")
+
+
+def test_uniform_queries_want_the_sphere(tmp_path: Path) -> None:
+    with pytest.raises(BadInput, match="uniform queries need the sphere; give 'ball' an image instead"):
+        build({"kind": "uniform"}, ball(tmp_path / "ball.npz", 1))
