@@ -129,7 +129,7 @@ def _end(process: subprocess.Popen[str]) -> tuple[bool, str]:
 
 def _references() -> bool:
     """Print how far the two references agree on the convex scenes of `quick`; return whether they do everywhere."""
-    from dataclasses import replace
+    from rich.table import Table
 
     from envbench import suite
     from envbench.plan import expand
@@ -137,8 +137,12 @@ def _references() -> bool:
     bench = root.load()
     quick = suite.read(bench.suite("quick"))
     scenes = [spec.build(bench.catalogue) for grid in quick.scenes for spec in expand(grid, quick, bench)]
-    table = importlib.import_module("references.agreement").table
-    agreements = table([s for s in scenes if s.geometry.convex], replace(quick.reference, floor=1e-4))
-    for agreement in agreements:
-        print(agreement)
-    return all(agreement.ok for agreement in agreements)
+    rows = importlib.import_module("references.agreement").table(scenes)
+    grid = Table(
+        "scene", "Mitsuba less quadrature", "99.9 % interval", "points outside theirs", "RMS", "noise floor", ""
+    )
+    for row in rows:
+        numbers = (f"{row.difference:+.1e}", f"+- {row.half_width:.1e}", f"{row.outside:.1%}", f"{row.rms:.1e}")
+        grid.add_row(row.scene, *numbers, f"{row.floor:.1e}", "agree" if row.agrees else "DIFFER")
+    console().print(grid)
+    return all(row.agrees for row in rows)

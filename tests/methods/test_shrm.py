@@ -136,6 +136,20 @@ def test_cube_faces_hold_the_same_function_as_the_stored_map() -> None:
     assert nrmse(got, rendered(SHRM(eps=1e-6), (lobe,), light, points)) < 5e-4
 
 
+@pytest.mark.parametrize("exponent", [64.0, 512.0])
+def test_full_band_cube_is_exact_at_its_texels(exponent: float, shared_data: Path) -> None:
+    """Order 511 from a 1024 x 512 light, single precision, against the quadrature at 24 of the texels."""
+    light = environments.read(shared_data / "environments" / "grace.exr")
+    lobe = Phong(exponent=exponent, clipped=False)
+    where = cube.texels(128)
+    got = cube.relight(expand(lobe, 1e-6, order=511), light, where)
+    chosen = np.random.default_rng(4).choice(len(where), 24, replace=False)
+    R = from_angles(where[chosen, 0], where[chosen, 1])
+    points = Points(R, R, R, R, R, np.full(len(R), 1 / len(R)))
+    exact = integrate(Scene("s", light, Material("m", (lobe,)), SPHERE, points))
+    assert np.sqrt(np.mean((got[chosen] - exact) ** 2) / np.mean(got**2)) <= 1e-3
+
+
 def test_light_coarser_than_the_order_is_refined() -> None:
     """A 5 x 3 map is still the bilinear function that it means."""
     light = Environment("tiny", np.random.default_rng(3).random((3, 5, 3)).astype(np.float32))
