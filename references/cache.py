@@ -27,8 +27,8 @@ import references.mitsuba_direct as direct
 from envbench.reference import Reference, ReferenceSettings
 from envbench.scene import Scene
 
-_SOURCES = (direct, data_gen.geometry, data_gen.mitsuba_bsdf, data_gen.mitsuba_light, envbench.arrays)
-_PACKAGES = ("mitsuba", "drjit", "numpy")
+SOURCES = (direct, data_gen.geometry, data_gen.mitsuba_bsdf, data_gen.mitsuba_light, envbench.arrays)
+PACKAGES = ("mitsuba", "drjit", "numpy")
 _HEADER = "envbench"  # name of the header attribute
 _TRAILER = b"envbench sha256 "
 
@@ -50,8 +50,8 @@ def provenance(scene: Scene, settings: ReferenceSettings) -> dict[str, Any]:
         "integrator": "direct at the points",
         "sampler": direct.SAMPLER,
         "settings": asdict(settings),
-        "sources": {m.__name__: hashlib.sha256(inspect.getsource(m).encode()).hexdigest() for m in _SOURCES},
-        "versions": {name: version(name) for name in _PACKAGES},
+        "sources": {m.__name__: hashlib.sha256(inspect.getsource(m).encode()).hexdigest() for m in SOURCES},
+        "versions": {name: version(name) for name in PACKAGES},
     }
 
 

@@ -195,7 +195,7 @@ class Estimator:
         direction = si.to_world(sample.wo)
         seen = dr.zeros(mi.SurfaceInteraction3f)
         seen.wi = -direction
-        ds = dr.zeros(mi.DirectionSample3f)
+        ds = mi.DirectionSample3f()  # its direction alone is read
         ds.d = direction
         share = _power(sample.pdf, self._light.pdf_direction(si, ds))
         return by_light + self._unshadowed(si, direction, weight * self._light.eval(seen) * share)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any, Self
 
@@ -10,14 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from envbench import harmonics
-from envbench.directions import to_local
 from envbench.environment import Environment
 from envbench.errors import BadInput
 from envbench.geometry import Geometry, Points
 from envbench.material import Centre, Material
 from envbench.method import Method, Tolerance
 from envbench.scene import Scene
-from methods.shrm import lookup, maps
+from methods.shrm import maps
 from methods.shrm.coefficients import MAX_F, MAX_P, LobeCoefficients, expand
 
 ROWS_PER_ORDER = 4
@@ -97,17 +97,15 @@ class SHRM(Method):
         )
 
     def shade(self, framed: tuple[LobeMaps, ...], points: Points) -> NDArray[np.floating]:
-        out = np.zeros((len(points), 3))
-        for stored in framed:
-            centre = points.central(stored.lobe.centre)
-            rows, columns = stored.planes.shape[2:]
-            even, odd = lookup.matrices(centre, rows, columns)
-            weights = maps.basis(stored.lobe, to_local(points.view, centre))
-            for _, q, first in maps.terms(stored.lobe.P, stored.lobe.F):
-                for plane in (first,) if q == 0 else (first, first + 1):
-                    for channel in range(3):
-                        read = (odd if q % 2 else even) @ stored.planes[channel, plane].reshape(-1)
-                        out[:, channel] += read * weights[plane]
+        out = np.empty((len(points), 3))
+        lobes = [(stored, points.central(stored.lobe.centre)) for stored in framed]
+
+        def part(chosen: slice) -> None:
+            out[chosen] = sum(maps.read(s.lobe, s.planes, c[chosen], points.view[chosen]) for s, c in lobes)
+
+        edges = np.linspace(0, len(points), harmonics.threads() + 1).astype(int)
+        with ThreadPoolExecutor(harmonics.threads()) as pool:  # NumPy and SciPy let go of the interpreter's lock
+            list(pool.map(part, map(slice, edges[:-1], edges[1:])))
         return out
 
     def predicted_error(self, prepared: tuple[PreparedLobe, ...]) -> float | None:

@@ -1,4 +1,4 @@
-"""Making the maps B_pq(alpha, beta) of one lobe under one light: one spin-q synthesis each (RH 2002, eqs. 5 and 14).
+"""The maps B_pq(alpha, beta) of one lobe under one light: one spin-q synthesis each (RH 2002, eqs. 5, 6 and 14).
 
 The light is real and rho_lpq is real and even in q, so B_pq is an E-mode-only spin-q function. ducc0's output (Q, U)
 for the coefficients sqrt(4 pi / (2 l + 1)) L_lm rho_lpq gives B_p0 = Q, and B_pq = -(Q - i U) for q >= 1, so
@@ -16,10 +16,10 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import special
 
 from envbench import harmonics
-from envbench.directions import to_angles
+from envbench.directions import to_local
+from methods.shrm import lookup
 from methods.shrm.coefficients import LobeCoefficients
 
 Array = NDArray[np.float64]
@@ -70,16 +70,41 @@ def synthesise(lobe: LobeCoefficients, light: harmonics.Coefficients, rows: int)
     return out
 
 
+def read(lobe: LobeCoefficients, stored: NDArray[np.floating], centre: Array, view: Array) -> Array:
+    """Return the radiance (n, 3) that the planes (3, K, S, W) hold at central directions and views, both (n, 3)."""
+    rows, columns = stored.shape[2:]
+    even, odd = lookup.matrices(centre, rows, columns)
+    out = np.zeros((len(centre), 3))
+    weights = basis(lobe, to_local(view, centre))
+    for _, q, first in terms(lobe.P, lobe.F):
+        for plane in (first,) if q == 0 else (first, first + 1):
+            for channel in range(3):
+                out[:, channel] += (odd if q % 2 else even) @ stored[channel, plane].reshape(-1) * weights[plane]
+    return out
+
+
 def basis(lobe: LobeCoefficients, local_view: Array) -> Array:
-    """Return what multiplies each plane at a view (n, 3) in the frame of the lobe's centre: shape (planes, n)."""
+    """Return what multiplies each plane at a view (n, 3) in the frame of the lobe's centre: shape (planes, n).
+
+    Y_pq = a_pq(z) (x + i y)^q, with a_pq by the usual recurrence of normalised Legendre functions over p: no angle is
+    needed, and no care at the poles.
+    """
     if lobe.radial:
         return np.ones((1, len(local_view)))
-    theta, phi = to_angles(local_view)
+    x, y, z = local_view.T
+    turn = [np.ones_like(x) + 0j]
+    a: dict[tuple[int, int], Array | float] = {(0, 0): np.sqrt(1 / (4 * np.pi))}
+    for q in range(min(lobe.P, lobe.F) + 1):
+        if q:
+            turn.append(turn[-1] * (x + 1j * y))
+            a[q, q] = -np.sqrt((2 * q + 1) / (2 * q)) * a[q - 1, q - 1]
+        for p in range(q + 1, lobe.P + 1):
+            below = np.sqrt(((p - 1) ** 2 - q**2) / (4 * (p - 1) ** 2 - 1)) * a[p - 2, q] if p > q + 1 else 0.0
+            a[p, q] = np.sqrt((4 * p**2 - 1) / (p**2 - q**2)) * (z * a[p - 1, q] - below)
     out = np.empty((planes(lobe.P, lobe.F), len(local_view)))
     for p, q, plane in terms(lobe.P, lobe.F):
-        Y = special.sph_harm_y(p, q, theta, phi)
         if q == 0:
-            out[plane] = Y.real
+            out[plane] = a[p, 0]
         else:
-            out[plane], out[plane + 1] = -2 * Y.real, -2 * Y.imag
+            out[plane], out[plane + 1] = -2 * a[p, q] * turn[q].real, -2 * a[p, q] * turn[q].imag
     return out

@@ -24,8 +24,8 @@ def is_failure(cell: CellResult) -> bool:
 
 def summary(run: RunInfo, cells: Sequence[CellResult]) -> str:
     """Return how many cells ended how, what the run took, and how much of that the harness itself."""
-    counts = Counter(cell.status.value for cell in cells)
-    ends = ", ".join(f"{count} {status}" for status, count in counts.items())
+    counts = Counter(cell.status for cell in cells)
+    ends = ", ".join(f"{counts[status]} {status.value}" for status in Status if status in counts)
     text = f"run {run.id}: {ends or 'no cell'}"
     if run.wall_seconds is None or run.overhead_seconds is None:
         return f"{text}; not finished"

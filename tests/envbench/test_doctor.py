@@ -10,6 +10,7 @@ import pytest
 
 from envbench import doctor
 from envbench.doctor import Finding
+from envbench.scene import Scene
 from tests.envbench.conftest import call
 
 
@@ -26,6 +27,23 @@ def test_what_is_missing_is_named_with_its_remedy(monkeypatch: pytest.MonkeyPatc
     code, text, _ = call("doctor", "--out", tmp_path)
     assert code == 3
     assert any("MISSING" in line and "install it" in line for line in text.splitlines())
+
+
+@pytest.mark.parametrize(("difference", "expected"), [(1e-5, 0), (1e-3, 3)])
+def test_references_that_differ_are_named(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, difference: float, expected: int
+) -> None:
+    from references import agreement
+
+    def table(scenes: list[Scene]) -> list[agreement.Agreement]:
+        return [agreement.Agreement(scene.name, difference, 1e-4, 0.0, 1e-4, 1e-4) for scene in scenes]
+
+    monkeypatch.setattr(doctor, "trials", lambda: iter([]))
+    monkeypatch.setattr(agreement, "table", table)
+    code, text, _ = call("doctor", "--references", "--out", tmp_path)
+    assert code == expected
+    assert "esplanade/phong/sphere/front" in text
+    assert ("DIFFER" in text) == bool(expected)
 
 
 def test_a_trial_that_aborts_or_hangs_is_a_finding(monkeypatch: pytest.MonkeyPatch) -> None:

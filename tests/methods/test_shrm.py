@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy import special
 
 from data_gen import environments, views
 from data_gen.lobes import Lambertian, Microfacet, Phong
@@ -16,7 +17,7 @@ from envbench.errors import BadInput
 from envbench.geometry import Geometry, Points
 from envbench.material import Lobe, Material
 from envbench.scene import Scene
-from methods.shrm import SHRM, cube
+from methods.shrm import SHRM, cube, maps
 from methods.shrm.coefficients import expand
 from references.quadrature import integrate
 
@@ -57,6 +58,17 @@ def test_clipping_breaks_radial_symmetry() -> None:
     assert 1 - expand(lobe, 0.01, view_order=0).missing == pytest.approx(0.973, abs=0.001)
     assert expand(lobe, 0.01).P == 5
     assert expand(Phong(exponent=8, clipped=False), 0.01).P == 0
+
+
+def test_basis_is_scipys_harmonics() -> None:
+    lobe = expand(Microfacet(), 0.01, order=6, view_order=5)
+    view = uniform(50, np.random.default_rng(0))
+    theta, phi = to_angles(view)
+    got = maps.basis(lobe, view)
+    for p, q, plane in maps.terms(5, 6):
+        Y = special.sph_harm_y(p, q, theta, phi)
+        expected = [Y.real] if q == 0 else [-2 * Y.real, -2 * Y.imag]
+        assert np.allclose(got[plane : plane + len(expected)], expected, atol=1e-13)
 
 
 def test_radial_coefficients_in_closed_form() -> None:
