@@ -14,6 +14,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from data_gen.geometry import mitsuba_mesh
 from data_gen.mitsuba_bsdf import bsdf
@@ -25,14 +26,14 @@ from envbench.reference import Reference, ReferenceSettings
 from envbench.scene import Effect, Scene
 
 SAMPLER = "multijitter"
-"""Low-discrepancy sampler of Mitsuba; takes any square number of samples. Its `ldsampler` takes powers of four."""
+"""Low-discrepancy sampler of Mitsuba; its `ldsampler` serves too."""
 
 _LANES = 2**22
 """Samples in flight at a time: bounds the memory."""
-_MOST = 1024**2
+_MOST = 4**10
 """Samples a point in one replicate, at most."""
-_WORTHWHILE = 1.15
-"""Growth below which another step is not worth it."""
+_GROWTH = 10
+"""Most that the samples of one step exceed those of the step that it is planned from."""
 _ORDER = 0.75
 """The noise is taken to fall as N^-0.75: low-discrepancy samples do so or better under captured light."""
 
@@ -40,7 +41,8 @@ _ORDER = 0.75
 def render(scene: Scene, settings: ReferenceSettings, key: str = "") -> Reference:
     """Sample until the noise floor reaches its target or the budget ends.
 
-    Each step renders afresh, with as many samples as the floor of the one before calls for.
+    Each step renders afresh, with the samples that the noise of the step before calls for, most where it was highest.
+    As no estimate enters the plan of its own samples, all stay unbiased.
 
     Parameters
     ----------
@@ -65,30 +67,49 @@ def render(scene: Scene, settings: ReferenceSettings, key: str = "") -> Referenc
     if not scene.environment.radiance.any():
         return result
     estimator = Estimator(scene, settings.variant)
-    samples = estimator.first
+    samples = np.full(len(scene.points), estimator.first)
     while True:
         step = time.perf_counter()
-        seeds = np.random.SeedSequence((settings.seed, samples)).spawn(settings.replicates)
+        seeds = np.random.SeedSequence((settings.seed, int(samples.sum()))).spawn(settings.replicates)
         replicates = np.stack([estimator.replicate(samples, seed) for seed in seeds])
         now = time.perf_counter()
         result = replace(
             result,
             replicates=replicates.astype(np.float32).astype(np.float64),
-            samples=samples,
+            samples=round(samples.mean()),
             seconds=now - started,
             visibility_rays=estimator.visibility_rays,
         )
-        floor = result.floor
-        if floor <= settings.floor:
+        if result.floor <= settings.floor:
             return result
-        wanted = 1.2 * (floor / settings.floor) ** (1 / _ORDER)
         affordable = 0.9 * (settings.budget - result.seconds) / (now - step)
-        side = math.ceil(math.sqrt(samples * min(wanted, max(affordable, 0.0))))
-        if min(side * side, _MOST) <= samples * _WORTHWHILE:
-            end = f"{_MOST} samples a point" if samples == _MOST else f"the budget of {settings.budget:g} s"
-            note = f"noise floor {floor:.1e} instead of {settings.floor:.1e}: {end} came first"
+        planned, floor = _plan(result, samples, min(affordable, _GROWTH))
+        if floor > 0.9 * result.floor:
+            end = f"{_MOST} samples a point" if samples.max() == _MOST else f"the budget of {settings.budget:g} s"
+            note = f"noise floor {result.floor:.1e} instead of {settings.floor:.1e}: {end} came first"
             return replace(result, notes=(note,))
-        samples = min(side * side, _MOST)
+        samples = planned
+
+
+def _plan(measured: Reference, samples: NDArray[np.int_], growth: float) -> tuple[NDArray[np.int_], float]:
+    """Return the samples a point, (n,) powers of four, that reach the target at the least cost, and the floor expected.
+
+    With a noise of q_i N_i^-p at point i, weighed w_i, the sum of w_i q_i^2 N_i^-2p for a given sum of N_i is least at
+    N_i ~ (w_i q_i^2)^(1 / (2 p + 1)). There are at most `growth` times the `samples` measured with.
+    """
+    power = (measured.standard_error**2).mean(-1) * measured.weight / measured.weight.sum()
+    constant = power * samples ** (2 * _ORDER)
+    share = np.maximum(constant, 1e-4 * constant.max()) ** (1 / (2 * _ORDER + 1))
+    best = samples, measured.floor
+    for scale in np.geomspace(1, _MOST, 16 * round(math.log2(_MOST))) / share.max():
+        exponents = np.clip(np.round(np.log(scale * share) / np.log(4)), 2, math.log(_MOST, 4))
+        planned = 4 ** exponents.astype(int)
+        if planned.sum() > growth * samples.sum():
+            break
+        best = planned, float(np.sqrt((constant / planned ** (2 * _ORDER)).sum())) / measured.rms
+        if best[1] <= 0.9 * measured.target:
+            break
+    return best
 
 
 class Estimator:
@@ -115,31 +136,30 @@ class Estimator:
             parts["shape"] = mitsuba_mesh(mi, mesh)
         self._scene = mi.load_dict(parts)
         self._light = self._scene.environment()
-        self.first = 4 if self._scalar else 64
+        self.first = 16 if self._scalar else 64
         self.visibility_rays = 0
 
-    def replicate(self, samples: int, seed: np.random.SeedSequence) -> Array:
-        """Estimate the radiance at every point, (n, 3), from `samples` (a square number) a point."""
-        count = len(self._points)
-        self.visibility_rays += 2 * samples * count * self._shadows
-        if self._scalar:
-            seeds = seed.generate_state(count)
-            return np.array([self._point(i, samples, int(seeds[i])) for i in range(count)]) / samples
-        size = max(1, _LANES // samples)
-        starts = range(0, count, size)
-        seeds = seed.generate_state(len(starts))
-        chunks = [
-            self._chunk(slice(start, min(start + size, count)), samples, int(s))
-            for start, s in zip(starts, seeds, strict=True)
+    def replicate(self, samples: NDArray[np.int_] | int, seed: np.random.SeedSequence) -> Array:
+        """Estimate the radiance at every point, (n, 3), from `samples` (powers of four) at each."""
+        samples = np.broadcast_to(samples, len(self._points))
+        self.visibility_rays += 2 * int(samples.sum()) * self._shadows
+        jobs = [
+            (int(count), chunk)
+            for count in np.unique(samples)
+            for chunk in _chunks(np.flatnonzero(samples == count), 1 if self._scalar else max(1, _LANES // int(count)))
         ]
-        return np.concatenate(chunks) / samples
+        estimate = np.empty((len(samples), 3))
+        for (count, chunk), state in zip(jobs, seed.generate_state(len(jobs)), strict=True):
+            sums = self._one_by_one if self._scalar else self._wavefront
+            estimate[chunk] = sums(chunk, count, int(state)) / count
+        return estimate
 
-    def _chunk(self, chosen: slice, samples: int, seed: int) -> Array:
-        """Return the sums over the samples of some points, (n, 3), in one wavefront."""
+    def _wavefront(self, chosen: NDArray[np.int_], samples: int, seed: int) -> Array:
+        """Return the sums over the samples of the `chosen` points, (n, 3), all at once."""
         import drjit as dr
 
         mi = self._mi
-        lanes = (chosen.stop - chosen.start) * samples
+        lanes = len(chosen) * samples
         sampler = self._new_sampler(samples)
         # Before seeding: without it the samples of a point are independent of each other, and seeds barely differ.
         sampler.set_samples_per_wavefront(samples)
@@ -154,11 +174,11 @@ class Estimator:
         dr.eval(radiance)
         return np.stack([dr.block_sum(mi.Float64(c), samples).numpy() for c in radiance], axis=-1)
 
-    def _point(self, i: int, samples: int, seed: int) -> Array:
-        """Return the sum over the samples of one point, (3,), one after the other."""
+    def _one_by_one(self, chosen: NDArray[np.int_], samples: int, seed: int) -> Array:
+        """Return the sum over the samples of the one `chosen` point, (3,)."""
         sampler = self._new_sampler(samples)
         sampler.seed(seed, 1)
-        interaction = self._interaction(lambda values: self._mi.Vector3f(*(float(v) for v in values[i])))
+        interaction = self._interaction(lambda values: self._mi.Vector3f(*(float(v) for v in values[chosen[0]])))
         total = np.zeros(3)
         for _ in range(samples):
             total += np.array(self._radiance(interaction, sampler), float)
@@ -208,6 +228,10 @@ class Estimator:
             return radiance
         hidden = self._scene.ray_test(si.spawn_ray(direction), dr.any(radiance > 0))
         return dr.select(hidden, self._mi.Color3f(0), radiance)
+
+
+def _chunks(indices: NDArray[np.int_], size: int) -> list[NDArray[np.int_]]:
+    return [indices[start : start + size] for start in range(0, len(indices), size)]
 
 
 def _power(a: Any, b: Any) -> Any:

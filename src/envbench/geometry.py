@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cached_property
 
 import numpy as np
@@ -128,6 +128,15 @@ class Points:
                 return self.normal
             case Centre.TANGENT:
                 return self.tangent
+
+    def spread(self, count: int) -> Points:
+        """Return `count` of the points, evenly spread over their order, equally weighted and no longer an image."""
+        chosen = np.unique(np.linspace(0, len(self) - 1, count).round().astype(int))
+        arrays = {
+            f.name: getattr(self, f.name) for f in fields(self) if f.name not in ("pixel", "image_shape", "notes")
+        }
+        taken = {name: None if array is None else array[chosen] for name, array in arrays.items()}
+        return Points(**{**taken, "weight": np.full(len(chosen), 1 / len(chosen))}, notes=self.notes)
 
     def image(self, values: NDArray[np.floating], empty: float = np.nan) -> NDArray[np.floating]:
         """Lay per-point `values` (n, C) out as an image (H, W, C); pixels without a point hold `empty`."""

@@ -16,6 +16,7 @@ import numpy as np
 from envbench import latlong
 from envbench.directions import Array, normalised, perpendicular, reflect, uniform
 from envbench.environment import Environment
+from envbench.furnace import lobe_integrals
 from envbench.geometry import Geometry, Points, Viewer
 from envbench.material import Material
 from envbench.method import Method
@@ -70,31 +71,6 @@ def check(method: Method, material: Material, seed: int = 0, count: int = 32) ->
     turned = _light("turned", lambda d: lamps(d @ turn))
     law("turned light, points and view", render(turned, *_turned(points, viewer, turn)), result, stated.rotation)
     return broken + list(_states(method, prepared, scene))
-
-
-def lobe_integrals(material: Material, points: Points) -> Array:
-    """Return what constant light of radiance 1 reflects at the points, (n, 3): quadrature about each lobe's centre."""
-    t, w = np.polynomial.legendre.leggauss(200)
-    t, w = (t + 1) / 2, w / 2
-    azimuths = 2 * np.pi * (np.arange(64) + 0.5) / 64
-    out = np.zeros((len(points), 3))
-    for lobe in material.lobes:
-        end = lobe.cone(1e-12)
-        theta = end * t**2  # squeezed towards the centre
-        weight = (w * 2 * end * t * np.sin(theta))[:, None] * (2 * np.pi / len(azimuths))
-        local = np.stack(
-            [
-                np.sin(theta)[:, None] * np.cos(azimuths),
-                np.sin(theta)[:, None] * np.sin(azimuths),
-                np.broadcast_to(np.cos(theta)[:, None], (len(theta), len(azimuths))),
-            ]
-        )
-        for i, centre in enumerate(points.central(lobe.centre)):
-            x = perpendicular(centre)
-            light: Any = np.einsum("kij,kc->cij", local, np.stack([x, np.cross(centre, x), centre]))
-            view, axis, normal = (v[:, None, None] for v in (points.view[i], centre, points.normal[i]))
-            out[i] += [float(np.sum(v * weight)) for v in lobe.evaluate(light, view, axis, normal)]
-    return out
 
 
 def _states(method: Method, prepared: Any, scene: Scene) -> Iterator[str]:

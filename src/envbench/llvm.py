@@ -131,7 +131,7 @@ def _import(name: str) -> ModuleType:
     except (ImportError, NameError, OSError) as error:
         if sys.platform == "linux" and not _loads("libatomic.so.1"):
             raise CannotRun(
-                f"{name} needs libatomic.so.1, which is missing: install libatomic1 (Debian, Ubuntu) or libatomic (Fedora)."
+                f"{name} needs libatomic.so.1, which is missing: install libatomic1 (Debian) or libatomic (Fedora)."
             ) from error
         raise CannotRun(f"{name} cannot be imported: {error}. Install it again, e.g. with 'uv sync'.") from error
 

@@ -101,7 +101,7 @@ class CellResult:
 
 @dataclass(frozen=True)
 class SceneResult:
-    """A scene of a run and its reference; `light`, `material`, `geometry`, `view` are names, `specs` what they meant."""
+    """A scene of a run and its reference: `light`, `material`, `geometry`, `view` by name, `specs` what they meant."""
 
     name: str
     light: str

@@ -18,7 +18,7 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from envbench import llvm, metrics, root, timing
+from envbench import furnace, llvm, metrics, root, timing
 from envbench.errors import BadInput, CannotRun
 from envbench.failures import failure
 from envbench.messages import FirstPass, MakeReference, Ready, Request, Round, Setup
@@ -210,6 +210,6 @@ def describe(spec: SceneSpec, scene: Scene, truth: Reference) -> SceneResult:
         reference_seconds=truth.seconds,
         reference_from_cache=truth.from_cache,
         reference_rms=truth.rms,
-        notes=(*remarks(scene), *truth.notes),
+        notes=(*remarks(scene), *filter(None, [furnace.clipping(scene)]), *truth.notes),
         image=image(truth.mean, scene),
     )

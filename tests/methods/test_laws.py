@@ -10,6 +10,7 @@ import pytest
 
 from data_gen.materials import MATERIALS, build
 from envbench import laws
+from envbench.furnace import lobe_integrals
 from envbench.geometry import Points
 from envbench.method import Method
 from methods import METHODS
@@ -40,7 +41,7 @@ class Mean(Method):
         return {**state, "hook": lambda: 0} if self.fault == "cannot be pickled" else state
 
     def shade(self, framed: Any, points: Points) -> Any:
-        out = framed["mean"] * laws.lobe_integrals(framed["material"], points)
+        out = framed["mean"] * lobe_integrals(framed["material"], points)
         match self.fault:
             case "different bits":
                 out = out * (1 + 1e-12 * np.random.default_rng().random())
