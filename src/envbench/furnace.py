@@ -12,7 +12,7 @@ from envbench.geometry import Points
 from envbench.material import Material
 from envbench.scene import Scene
 
-SAMPLED_POINTS = 48
+SAMPLED_POINTS = 24
 
 
 def clipping(scene: Scene) -> str | None:
@@ -23,8 +23,8 @@ def clipping(scene: Scene) -> str | None:
     whole = replace(scene.material, lobes=tuple(replace(lobe, clipped=False) for lobe in scene.material.lobes))
     kept = lobe_integrals(scene.material, points).sum(-1) / lobe_integrals(whole, points).sum(-1)
     return (
-        f"lobes are clipped at the horizon: under constant light they reflect {1 - kept.mean():.2%} less than whole ones "
-        f"({1 - kept.min():.0%} less at the worst of {len(points)} points)"
+        f"lobes are clipped at the horizon: under constant light they reflect {1 - kept.mean():.2%} less than whole ones"
+        f" ({1 - kept.min():.0%} less at the worst of {len(points)} points)"
     )
 
 
