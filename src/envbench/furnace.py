@@ -23,7 +23,7 @@ def clipping(scene: Scene) -> str | None:
     whole = replace(scene.material, lobes=tuple(replace(lobe, clipped=False) for lobe in scene.material.lobes))
     kept = lobe_integrals(scene.material, points).sum(-1) / lobe_integrals(whole, points).sum(-1)
     return (
-        f"lobes are clipped at the horizon: under constant light they reflect {1 - kept.mean():.2%} less than whole ones"
+        f"lobes are clipped at the horizon: under constant light they reflect {1 - kept.mean():.2%} less than whole"
         f" ({1 - kept.min():.0%} less at the worst of {len(points)} points)"
     )
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import Any
 
@@ -133,10 +133,11 @@ class Points:
     def spread(self, count: int) -> Points:
         """Return `count` of the points, evenly spread over their order, equally weighted and no longer an image."""
         chosen = np.unique(np.linspace(0, len(self) - 1, count).round().astype(int))
-        given = (f.name for f in fields(self) if f.name not in ("pixel", "image_shape", "notes"))
-        arrays = {name: array for name in given if (array := getattr(self, name)) is not None}
-        taken: dict[str, Any] = {name: array[chosen] for name, array in arrays.items()}
-        return Points(**(taken | {"weight": np.full(len(chosen), 1 / len(chosen)), "notes": self.notes}))
+        per_point = (f.name for f in fields(self) if f.name not in ("weight", "pixel", "image_shape", "notes"))
+        taken: dict[str, Any] = {
+            name: array[chosen] for name in per_point if (array := getattr(self, name)) is not None
+        }
+        return replace(self, **taken, weight=np.full(len(chosen), 1 / len(chosen)), pixel=None, image_shape=None)
 
     def image(self, values: NDArray[np.floating], empty: float = np.nan) -> NDArray[np.floating]:
         """Lay per-point `values` (n, C) out as an image (H, W, C); pixels without a point hold `empty`."""
