@@ -66,13 +66,13 @@ class Angular(Method):
 
     def __post_init__(self) -> None:
         if self.light_rows != 0 and not 2 <= self.light_rows <= 8192:
-            raise BadInput(f"angular light_rows must be 0 or lie in [2, 8192]. Got {self.light_rows} instead.")
+            raise BadInput(f"light_rows must be 0 or lie in [2, 8192]. Got {self.light_rows} instead.")
         if not 2 <= self.rows <= 2048:
-            raise BadInput(f"angular rows must lie in [2, 2048]. Got {self.rows} instead.")
+            raise BadInput(f"rows must lie in [2, 2048]. Got {self.rows} instead.")
         if not 2 <= self.directions <= 64 or self.directions % 2:
-            raise BadInput(f"angular directions must be even and lie in [2, 64]. Got {self.directions} instead.")
+            raise BadInput(f"directions must be even and lie in [2, 64]. Got {self.directions} instead.")
         if not 0 < self.eps < 1:
-            raise BadInput(f"angular eps must lie in (0, 1). Got {self.eps} instead.")
+            raise BadInput(f"eps must lie in (0, 1). Got {self.eps} instead.")
 
     def declines(self, scene: Scene) -> str | None:
         for lobe in scene.material.lobes:

@@ -67,14 +67,14 @@ class SHRM(Method):
 
     def __post_init__(self) -> None:
         if not 0 < self.eps < 1:
-            raise BadInput(f"shrm: eps must lie in (0, 1). Got {self.eps} instead.")
+            raise BadInput(f"eps must lie in (0, 1). Got {self.eps} instead.")
         for name, value, most in (("order", self.order, MAX_F), ("view_order", self.view_order, MAX_P)):
             if value is not None and not 0 <= value <= most:
-                raise BadInput(f"shrm: {name} must lie in [0, {most}]. Got {value} instead.")
+                raise BadInput(f"{name} must lie in [0, {most}]. Got {value} instead.")
         if self.rows and not 4 <= self.rows <= 4096:
-            raise BadInput(f"shrm: rows must be 0 (chosen from F) or lie in [4, 4096]. Got {self.rows} instead.")
+            raise BadInput(f"rows must be 0 (chosen from F) or lie in [4, 4096]. Got {self.rows} instead.")
         if self.precision not in ("float64", "float32"):
-            raise BadInput(f"shrm: precision must be 'float64' or 'float32'. Got '{self.precision}' instead.")
+            raise BadInput(f"precision must be 'float64' or 'float32'. Got '{self.precision}' instead.")
 
     def declines(self, scene: Scene) -> str | None:
         if any(lobe.centre is Centre.TANGENT and lobe.clipped for lobe in scene.material.lobes):
