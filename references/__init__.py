@@ -7,7 +7,7 @@ from pathlib import Path
 
 from envbench.reference import Reference, ReferenceSettings
 from envbench.scene import Scene
-from references import cache as store
+from references.cache import Damaged, address, load, path, provenance, store
 from references.mitsuba_direct import render
 
 __all__ = ["reference"]
@@ -29,21 +29,21 @@ def reference(scene: Scene, settings: ReferenceSettings | None = None, cache: Pa
         The variant is unknown, or cannot run on this machine.
     """
     settings = settings or ReferenceSettings()
-    provenance = store.provenance(scene, settings)
-    key = store.address(provenance)
+    origin = provenance(scene, settings)
+    key = address(origin)
     notes: tuple[str, ...] = ()
     if cache is not None:
         try:
-            found = store.load(cache, provenance, scene)
-        except store.Damaged as damage:
-            notes = (f"cache file {store.path(cache, key)} was damaged ({damage}): recomputed",)
+            found = load(cache, origin, scene)
+        except Damaged as damage:
+            notes = (f"cache file {path(cache, key)} was damaged ({damage}): recomputed",)
         else:
             if found is not None:
                 return found
-    made = replace(render(scene, settings, key), provenance=provenance)
+    made = replace(render(scene, settings, key), provenance=origin)
     if cache is not None:
         try:
-            store.store(cache, made)
+            store(cache, made)
         except OSError as error:
             notes += (f"reference not kept in {cache}: {error}",)
     return replace(made, notes=made.notes + notes)

@@ -23,11 +23,20 @@ import data_gen.geometry
 import data_gen.mitsuba_bsdf
 import data_gen.mitsuba_light
 import envbench.arrays
+import envbench.material
 import references.mitsuba_direct as direct
 from envbench.reference import Reference, ReferenceSettings
 from envbench.scene import Scene
 
-SOURCES = (direct, data_gen.geometry, data_gen.mitsuba_bsdf, data_gen.mitsuba_light, envbench.arrays)
+SOURCES = (
+    direct,
+    data_gen.geometry,
+    data_gen.mitsuba_bsdf,
+    data_gen.mitsuba_light,
+    envbench.arrays,
+    envbench.material,
+)
+"""Modules whose code is part of the address; those of the lobes are in `Material.key`."""
 PACKAGES = ("mitsuba", "drjit", "numpy")
 _HEADER = "envbench"  # name of the header attribute
 _TRAILER = b"envbench sha256 "

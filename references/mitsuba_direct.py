@@ -84,7 +84,7 @@ def render(scene: Scene, settings: ReferenceSettings, key: str = "") -> Referenc
             return result
         affordable = 0.9 * (settings.budget - result.seconds) / (now - step)
         planned, floor = _plan(result, samples, min(affordable, _GROWTH))
-        if floor > 0.9 * result.floor:
+        if floor > settings.floor and floor > 0.9 * result.floor:
             end = f"{_MOST} samples a point" if samples.max() == _MOST else f"the budget of {settings.budget:g} s"
             note = f"noise floor {result.floor:.1e} instead of {settings.floor:.1e}: {end} came first"
             return replace(result, notes=(note,))
@@ -106,8 +106,8 @@ def _plan(measured: Reference, samples: NDArray[np.int_], growth: float) -> tupl
         planned = 4 ** exponents.astype(int)
         if planned.sum() > growth * samples.sum():
             break
-        best = planned, float(np.sqrt((constant / planned ** (2 * _ORDER)).sum())) / measured.rms
-        if best[1] <= 0.9 * measured.target:
+        best = planned, float(np.sqrt((constant / planned ** (2 * _ORDER)).sum())) / (measured.rms or 1.0)
+        if best[1] <= 0.95 * measured.target:
             break
     return best
 
@@ -118,7 +118,7 @@ class Estimator:
     Attributes
     ----------
     first : int
-        Samples a point that a first look takes.
+        Samples a point that a first look takes; a power of four.
     visibility_rays : int
         Rays cast so far: two a sample, or none where nothing can shadow.
     """

@@ -61,7 +61,7 @@ def table(store: Store, ref: str, *, scenes: Sequence[str] = (), metrics: Sequen
         grid.add_row(
             cell.scene if cell.scene != last else "",
             cell.label,
-            *(number(scores.get(metric), scores.get("rmse")) for metric in metrics),
+            *(number(scores.get(metric), scores.get("rmse") if metric == "nrmse" else None) for metric in metrics),
             *(seconds(cell, phase) for phase in (Phase.RELIGHT, Phase.SHADE)),
             f"{cell.bytes / 1024:,.0f} KiB" if cell.bytes else "",
             f"{cell.status.value}: {cell.reason}" if cell.reason else cell.status.value,
@@ -77,7 +77,7 @@ def number(score: Score | None, absolute: Score | None = None) -> str:
         return ""
     if math.isnan(score.value):
         return "undefined" if absolute is None else f"undefined; rmse {number(absolute)}"
-    if score.below_floor:
+    if score.below_floor and score.high > 0:
         return f"below floor (< {score.high:.2g})"
     interval = "" if math.isnan(score.low) else f" [{score.low:.3g}, {score.high:.3g}]"
     return f"{score.value:.3g}{interval}"
