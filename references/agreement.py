@@ -9,7 +9,6 @@ import numpy as np
 from scipy import stats
 
 from envbench.directions import Array
-from envbench.geometry import Points
 from envbench.reference import Reference, ReferenceSettings
 from envbench.scene import Scene
 from references import mitsuba_direct, quadrature
@@ -79,20 +78,6 @@ def table(scenes: Iterable[Scene], settings: ReferenceSettings = SETTINGS) -> li
     rows: list[Agreement] = []
     for scene in scenes:
         if scene.geometry.convex:
-            part = replace(scene, points=_some(scene.points))
+            part = replace(scene, points=scene.points.spread(QUERIES))
             rows.append(compare(scene.name, mitsuba_direct.render(part, settings), quadrature.integrate(part)))
     return rows
-
-
-def _some(points: Points) -> Points:
-    chosen = np.unique(np.linspace(0, len(points) - 1, QUERIES).round().astype(int))
-    return replace(
-        points,
-        position=points.position[chosen],
-        normal=points.normal[chosen],
-        geometric_normal=points.geometric_normal[chosen],
-        tangent=points.tangent[chosen],
-        view=points.view[chosen],
-        weight=np.full(len(chosen), 1 / len(chosen)),
-        **dict.fromkeys(("rotation", "triangle", "barycentric", "uv", "material", "pose", "pixel", "image_shape")),
-    )

@@ -9,6 +9,7 @@ sum (2 l + 1) / (4 pi) rho_l^2.
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -17,13 +18,14 @@ from numpy.typing import NDArray
 from scipy import fft, special
 
 from envbench.directions import from_angles
+from envbench.harmonics import threads
 from envbench.material import Centre, Lobe
 
 Array = NDArray[np.float64]
 
 MAX_F = 511
 MAX_P = 12
-VIEW_NODES, AZIMUTHS = 96, 128
+VIEW_NODES, AZIMUTHS = 64, 96
 """Samples of theta_o in [0, pi] and intervals of phi in [0, pi]: what a lobe's clipped edge needs, P itself is low."""
 
 
@@ -137,17 +139,19 @@ def _full(lobe: Lobe, order: int, view_order: int) -> tuple[Array, Array, Array]
     theta_i, theta_o = np.arccos(x_i), np.arccos(x_o)
     f_i = _associated(order, view_order, x_i)  # (F+1, P+1 of q, n_i)
     f_o = _associated(view_order, view_order, x_o)
-    by_q: list[Array] = []
-    total = np.zeros(lobe.channels)
-    for k, angle in enumerate(theta_o):  # one view at a time bounds memory
+
+    def seen_from(angle: float) -> tuple[Array, Array]:  # one view at a time bounds memory
         values = _local(lobe, theta_i[:, None], np.full((1, 1), angle), phi[None, :])  # (c, n_i, n_phi)
-        total += w_o[k] * np.einsum("cij,i,j->c", values**2, w_i, ends, optimize=True) * step
-        by_q.append(np.asarray(fft.dct(values, type=1, axis=-1))[..., : view_order + 1] * (w_o[k] * step))
-    by_p = np.einsum("ocnq,pqo->cnpq", np.stack(by_q), f_o, optimize=True)
+        energy = np.einsum("cij,i,j->c", values**2, w_i, ends, optimize=True) * step
+        return energy, np.asarray(fft.dct(values, type=1, axis=-1))[..., : view_order + 1] * step
+
+    with ThreadPoolExecutor(threads()) as pool:
+        by_view, cosines = map(np.stack, zip(*pool.map(seen_from, theta_o), strict=True))  # (n_o, c, ...)
+    by_p = np.einsum("ocnq,pqo,o->cnpq", cosines, f_o, w_o, optimize=True)
     rho = np.einsum("cnpq,lqn,n->clpq", by_p, f_i, w_i, optimize=True)
     # Parseval in theta_o alone: sum_p rho_0p0^2 = (1 / 2 pi) int g^2, g the integral of the lobe times f_00
-    integral = np.einsum("ocn,n->oc", np.stack(by_q)[..., 0], w_i * f_i[0, 0]) / w_o[:, None]
-    return rho, total, np.einsum("oc,o->c", integral**2, w_o) / (2 * np.pi)
+    integral = np.einsum("ocn,n->oc", cosines[..., 0], w_i * f_i[0, 0])
+    return rho, w_o @ by_view, np.einsum("oc,o->c", integral**2, w_o) / (2 * np.pi)
 
 
 def _associated(degree: int, order: int, x: Array) -> Array:

@@ -54,7 +54,7 @@ class Reference:
     weight : (n,)
         The points' quadrature weights.
     samples : int
-        Samples a point in one replicate.
+        Samples a point in one replicate; their mean where points differ.
     seconds : float
         What computing it took (also when it came from the cache).
     key : str

@@ -222,10 +222,10 @@ def test_it_keeps_the_laws(lobe: Lobe) -> None:
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
-        ({"rows": 1}, r"angular rows must lie in \[2, 2048\]. Got 1 instead."),
-        ({"light_rows": 1}, r"angular light_rows must be 0 or lie in \[2, 8192\]. Got 1 instead."),
-        ({"directions": 5}, r"angular directions must be even and lie in \[2, 64\]. Got 5 instead."),
-        ({"eps": 0.0}, r"angular eps must lie in \(0, 1\). Got 0.0 instead."),
+        ({"rows": 1}, r"rows must lie in \[2, 2048\]. Got 1 instead."),
+        ({"light_rows": 1}, r"light_rows must be 0 or lie in \[2, 8192\]. Got 1 instead."),
+        ({"directions": 5}, r"directions must be even and lie in \[2, 64\]. Got 5 instead."),
+        ({"eps": 0.0}, r"eps must lie in \(0, 1\). Got 0.0 instead."),
     ],
 )
 def test_settings_out_of_range_are_named(settings: dict[str, Any], message: str) -> None:
