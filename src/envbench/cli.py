@@ -6,6 +6,7 @@ Only typer is imported here: whatever a command needs, it imports itself, so tha
 from __future__ import annotations
 
 import sys
+import time
 from pathlib import Path
 from typing import Annotated
 
@@ -62,8 +63,6 @@ def run(
     no_report: Annotated[bool, typer.Option("--no-report", help="Write no HTML report.")] = False,
 ) -> None:
     """Run a suite: reference, accuracy and time of every method on every scene, into OUT/report.html."""
-    import psutil
-
     from envbench import progress, session, show
     from envbench.supervisor import Limits
 
@@ -71,8 +70,9 @@ def run(
     options = session.Options(
         suite, out, root, resume, limits, rounds, floor, variant, tuple(scene or ()), tuple(method or ())
     )
+    began = time.time() - time.process_time()  # start-up keeps the processor busy
     try:
-        info = session.run(options, progress.progress(), began=psutil.Process().create_time())
+        info = session.run(options, progress.progress(), began=began)
     except KeyboardInterrupt:
         print(f"interrupted: finished cells are kept; go on with 'envbench run {suite} --resume'.", file=sys.stderr)
         raise typer.Exit(130) from None

@@ -56,9 +56,9 @@ def main(pipe: Connection, setup: Setup) -> None:
 
 
 def _load(pipe: Connection, setup: Setup) -> Desk:
-    from skimage.metrics import peak_signal_noise_ratio, structural_similarity
+    from skimage.metrics import structural_similarity
 
-    _ = peak_signal_noise_ratio, structural_similarity  # seconds to import, which no cell's time-out shall pay for
+    _ = structural_similarity  # takes long to import, which no cell's time-out shall pay for
     bench = root.load(setup.user)
     mi = llvm.mitsuba(setup.reference.variant, fallback=True)
     settings = replace(setup.reference, variant=cast("str", mi.variant()))
