@@ -131,7 +131,7 @@ def _radial(lobe: Lobe, order: int) -> tuple[Array, Array, Array]:
 
 def _full(lobe: Lobe, order: int, view_order: int) -> tuple[Array, Array, Array]:
     """The three sums of appendix C: over phi by FFT (DCT-I), over theta_o and theta_i by Gauss-Legendre."""
-    x_i, w_i = special.roots_legendre(max(3 * order, 192))
+    x_i, w_i = special.roots_legendre(max(3 * order, 128))
     x_o, w_o = special.roots_legendre(VIEW_NODES)
     phi = np.pi * np.arange(AZIMUTHS + 1) / AZIMUTHS  # the lobe is even in phi: half a turn, by the cosine transform
     step = 2 * np.pi * (np.pi / AZIMUTHS)
