@@ -139,7 +139,7 @@ def _machine(machine: Mapping[str, Any]) -> str:
     words = {
         "cpu": lambda value: str(value),
         "cores": lambda value: f"{value} cores",
-        "threads": lambda value: f"threads: {_listed(value)}",
+        "threads": lambda value: f"threads ({_listed(value)})",
         "memory_bytes": lambda value: numerals.size(value),
         "os": lambda value: str(value),
     }
@@ -147,7 +147,7 @@ def _machine(machine: Mapping[str, Any]) -> str:
 
 
 def _listed(value: Any) -> str:
-    return " ".join(f"{name} {count}" for name, count in value.items()) if isinstance(value, dict) else str(value)
+    return ", ".join(f"{name} {count}" for name, count in value.items()) if isinstance(value, dict) else str(value)
 
 
 def _counts(cells: Sequence[CellResult]) -> dict[Status, int]:

@@ -67,7 +67,8 @@ def test_commands_parse(text: str) -> None:
 
 def test_the_example_method_is_shown_whole_and_short() -> None:
     code = (STUDIO / "methods" / "mean_light.py").read_text()
-    assert f"```python\n{code}```" in (ROOT / "docs" / "add-a-method.md").read_text()
+    for page in (ROOT / "README.md", ROOT / "docs" / "add-a-method.md"):
+        assert f"```python\n{code}```" in page.read_text()
     assert len(code.splitlines()) < 40
 
 

@@ -135,7 +135,14 @@ def _references(
         elif new[scene].reference_key != old[scene].reference_key:
             keys = f"{new[scene].reference_key[:12]}, was {old[scene].reference_key[:12]}"
             wrong[scene] = f"reference differs ({keys}): run the baseline again with the present references"
+        elif _sampled(new[scene]) != _sampled(old[scene]):
+            wrong[scene] = "reference was made anew and came out otherwise: let both runs share one cache folder"
     return [f"{scene}: {what}" for scene, what in wrong.items()], set(wrong)
+
+
+def _sampled(scene: SceneResult) -> tuple[int, str]:
+    """Return what tells two references of one address apart: a budget, or another processor's rounding, may differ."""
+    return scene.reference_samples, f"{scene.reference_rms:.6e}"
 
 
 def _worse(new: CellResult, old: CellResult, floor: float, limits: Mapping[str, float]) -> list[str]:

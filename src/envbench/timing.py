@@ -34,13 +34,13 @@ def synchronise() -> None:
 
 
 def threads() -> dict[str, int]:
-    """Return the threads that each loaded library computes with, by name."""
-    import os
-
+    """Return the threads that each loaded library computes with, by name; `transforms` are those of `harmonics`."""
     from threadpoolctl import threadpool_info
+
+    from envbench import harmonics
 
     counts = {str(pool["internal_api"]): int(pool["num_threads"]) for pool in threadpool_info()}
     drjit = sys.modules.get("drjit")
     if drjit is not None:
         counts["drjit"] = int(drjit.thread_count())
-    return {"logical cores": os.cpu_count() or 1, **counts}
+    return counts | {"transforms": harmonics.threads()}

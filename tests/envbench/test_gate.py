@@ -116,6 +116,14 @@ def test_references_must_be_the_same(judge):
     assert report.compared == 0
 
 
+def test_a_reference_of_one_address_may_have_come_out_otherwise(judge):
+    again = replace(SCENE, reference_samples=SCENE.reference_samples + 1)
+    report = judge([cell(0.1)], [cell(0.1)], scenes=[again])
+    assert report.failures == (
+        "grace: reference was made anew and came out otherwise: let both runs share one cache folder",
+    )
+
+
 @pytest.mark.parametrize("scenes", [(), (replace(SCENE, reference_key=""),)])
 def test_a_missing_reference_is_a_failure(judge, scenes):
     report = judge([], [cell()], scenes=scenes)

@@ -124,7 +124,7 @@ def test_numbers_are_worded_as_they_are_meant(page):
 def test_metrics_machine_and_suite_are_told(full, page):
     assert all(metric.formula in "".join(page.texts) for metric in METRICS.values())
     assert '{"drjit": 2}' in page.text
-    assert "a processor, 2 cores, threads: drjit 2, 8.00 GB" in page.text
+    assert "a processor, 2 cores, threads (drjit 2), 8.00 GB" in page.text
     assert "3.9.1" in page.text
     assert full.info.suite_text.strip() in page.text
     assert "15.0 % of it harness overhead" in page.text
