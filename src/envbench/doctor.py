@@ -105,7 +105,7 @@ def caches(out: Path) -> Iterator[Finding]:
     for what, folder in (("store", out / STORE), ("references", out / CACHE), ("kernels", Path.home() / ".drjit")):
         files = [folder] if folder.is_file() else [file for file in folder.rglob("*") if file.is_file()]
         size = sum(file.stat().st_size for file in files) / 2**20
-        yield Finding(f"cache of {what}" if what != "store" else what, f"{folder}: {len(files)} files, {size:.3g} MiB")
+        yield Finding(f"cache of {what}" if what != "store" else what, f"{folder}: {size:.3g} MiB, files: {len(files)}")
 
 
 def _start(code: str, *arguments: str, **environment: str) -> subprocess.Popen[str]:
@@ -139,7 +139,13 @@ def _references() -> bool:
     scenes = [spec.build(bench.catalogue) for grid in quick.scenes for spec in expand(grid, quick, bench)]
     rows = importlib.import_module("references.agreement").table(scenes)
     grid = Table(
-        "scene", "Mitsuba less quadrature", "99.9 % interval", "points outside theirs", "RMS", "noise floor", ""
+        "scene",
+        "Mitsuba less quadrature",
+        "99.9 % interval",
+        "points outside theirs",
+        "RMS difference",
+        "noise floor",
+        "",
     )
     for row in rows:
         numbers = (f"{row.difference:+.1e}", f"+- {row.half_width:.1e}", f"{row.outside:.1%}", f"{row.rms:.1e}")

@@ -11,8 +11,9 @@ import pytest
 
 from data_gen.environments import LIGHTS, build
 from data_gen.lobes import Lambertian, Microfacet, Phong
+from envbench import root, suite
 from envbench.environment import Environment
-from envbench.material import Lobe
+from envbench.plan import SceneSpec, expand
 from envbench.reference import ReferenceSettings
 from envbench.scene import Scene
 from references import agreement
@@ -22,17 +23,27 @@ from references.quadrature import integrate
 MakeScene = Callable[..., Scene]
 
 
-@pytest.mark.parametrize("light", ["esplanade", "studio", "workshop"])
-@pytest.mark.parametrize("lobe", [Lambertian(), Microfacet(sigma=0.2), Phong(exponent=64, clipped=False)])
-def test_captured_light(
-    mi: ModuleType, make_scene: MakeScene, light: str, lobe: Lobe, monkeypatch: pytest.MonkeyPatch
-) -> None:
+BENCH = root.load()
+QUICK = suite.read(BENCH.suite("quick"))
+SPECS = [spec for grid in QUICK.scenes for spec in expand(grid, QUICK, BENCH)]
+
+
+@pytest.mark.parametrize("spec", SPECS, ids=lambda spec: spec.name)
+def test_every_scene_of_quick(mi: ModuleType, spec: SceneSpec, monkeypatch: pytest.MonkeyPatch) -> None:
+    """At a noise floor of 1e-4, at 16 points of each scene; ``./bench doctor --references`` takes 32."""
     monkeypatch.setattr(agreement, "QUERIES", 16)
-    scene = make_scene(build(LIGHTS[light]), lobe, count=64)
-    (row,) = agreement.table([scene], ReferenceSettings(floor=2e-4))
+    (row,) = agreement.table([spec.build(BENCH.catalogue)], ReferenceSettings(floor=1e-4, budget=60))
+    assert row.floor <= 1e-4
     assert row.agrees, row
     # RMS of a mean over its standard error: sqrt of F(n, 7 n), n >= 4 lighting conditions that differ
     assert row.rms < 3.5 * row.floor
+
+
+def test_a_whole_lobe(mi: ModuleType, make_scene: MakeScene, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(agreement, "QUERIES", 16)
+    scene = make_scene(build(LIGHTS["studio"]), Phong(exponent=64, clipped=False), count=64)
+    (row,) = agreement.table([scene], ReferenceSettings(floor=1e-4))
+    assert row.agrees, row
 
 
 def test_a_planted_factor_is_caught(mi: ModuleType, make_scene: MakeScene, lit: Environment) -> None:
