@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
@@ -16,7 +16,7 @@ from envbench.errors import BadInput
 from envbench.geometry import Geometry, Points, Viewer
 from envbench.material import Centre
 from envbench.method import Method
-from envbench.reference import Reference, ReferenceSettings
+from envbench.reference import Agreement, Reference, ReferenceSettings
 from envbench.scene import Effect, Scene
 from methods import METHODS
 from references import reference
@@ -51,6 +51,12 @@ class Catalogue:
     def reference(self, scene: Scene, settings: ReferenceSettings, cache: Path | None) -> Reference:
         """Return ground truth, from `cache` where it holds it."""
         return reference(scene, settings, cache)
+
+    def agreement(self, scenes: Sequence[Scene]) -> Sequence[Agreement]:
+        """Hold Mitsuba's reference against the quadrature on every convex scene."""
+        from references import agreement  # brings scipy.stats, which takes a worker a second to import
+
+        return agreement.table(scenes)
 
 
 def _kept(build: Callable[[Any, str], Any], name: Any, spec: Any) -> Any:

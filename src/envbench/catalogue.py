@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Protocol
 
 from envbench.method import Method
-from envbench.reference import Reference, ReferenceSettings
+from envbench.reference import Agreement, Reference, ReferenceSettings
 from envbench.scene import Scene
 
 Spec = Mapping[str, Any]
@@ -31,4 +31,8 @@ class Catalogue(Protocol):
 
     def reference(self, scene: Scene, settings: ReferenceSettings, cache: Path | None) -> Reference:
         """Return ground truth, from `cache` where it holds it."""
+        ...
+
+    def agreement(self, scenes: Sequence[Scene]) -> Sequence[Agreement]:
+        """Hold two independent references against each other on every convex scene."""
         ...

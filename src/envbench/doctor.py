@@ -5,7 +5,6 @@ Whatever could abort a process (LLVM, EGL, CUDA) is tried in one of its own.
 
 from __future__ import annotations
 
-import importlib
 import os
 import subprocess
 import sys
@@ -137,7 +136,7 @@ def _references() -> bool:
     bench = root.load()
     quick = suite.read(bench.suite("quick"))
     scenes = [spec.build(bench.catalogue) for grid in quick.scenes for spec in expand(grid, quick, bench)]
-    rows = importlib.import_module("references.agreement").table(scenes)
+    rows = bench.catalogue.agreement(scenes)
     grid = Table(
         "scene",
         "Mitsuba less quadrature",

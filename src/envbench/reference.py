@@ -98,3 +98,40 @@ class Reference:
         """Noise floor reached: RMS standard error over RMS radiance (absolute where the radiance is zero)."""
         noise = float(np.sqrt(np.average((self.standard_error**2).mean(-1), weights=self.weight)))
         return noise / self.rms if self.rms > 0 else noise
+
+
+AGREEMENT_MARGIN = 3e-4
+"""Largest difference of two references' means, relative to the mean radiance, that passes."""
+
+
+@dataclass(frozen=True)
+class Agreement:
+    """How two independent references, Mitsuba's and a quadrature, compare on one scene.
+
+    Attributes
+    ----------
+    scene : str
+    difference : float
+        Mean over points and channels of Mitsuba less quadrature, relative to the quadrature's mean.
+    half_width : float
+        Of the 99.9 % interval of `difference`: t with K - 1 degrees of freedom over the K replicates.
+    outside : float
+        Part of all points and channels where the quadrature lies outside Mitsuba's own 99.9 % interval; a few times
+        0.001 is usual, since the errors at a point are not quite normal.
+    rms : float
+        RMS difference over RMS radiance: as large as `floor`, if the floor is honest.
+    floor : float
+        Noise floor that Mitsuba's reference reached.
+    """
+
+    scene: str
+    difference: float
+    half_width: float
+    outside: float
+    rms: float
+    floor: float
+
+    @property
+    def agrees(self) -> bool:
+        """Whether the difference of the means lies within its interval and within `AGREEMENT_MARGIN`."""
+        return abs(self.difference) <= min(self.half_width, AGREEMENT_MARGIN)

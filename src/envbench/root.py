@@ -11,13 +11,17 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
-from typing import cast
+from types import ModuleType
+from typing import Any, cast
 
 from envbench.catalogue import Catalogue
 from envbench.errors import BadInput, CannotRun, unknown
 from envbench.method import Method
 
-ENTRY_POINTS = "envbench.methods"
+CATALOGUE, REPORT, METHODS = "envbench.catalogue", "envbench.report", "envbench.methods"
+"""Entry-point groups: what the benchmark root offers, its report writer, and methods of installed packages."""
+USER_PACKAGE = "envbench_user_methods"
+"""The package under which the files of a user's ``methods/`` are imported, here and in workers."""
 
 
 @dataclass(frozen=True)
@@ -76,6 +80,15 @@ def enter() -> None:
         sys.path.insert(0, root)
 
 
+def offered(group: str) -> Any:
+    """Return what the benchmark root offers under an entry-point group; the engine names no folder above it."""
+    enter()
+    points = [point for point in metadata.entry_points(group=group) if point.dist and point.dist.name == "envbench"]
+    if not points:
+        raise CannotRun(f"envbench is installed without its entry point '{group}': install it again, e.g. 'uv sync'.")
+    return points[0].load()
+
+
 def load(user: Path | None = None) -> Workbench:
     """Load the catalogue, the methods of installed packages, and a user's folder with ``methods/`` and ``suites/``.
 
@@ -86,10 +99,9 @@ def load(user: Path | None = None) -> Workbench:
     BadInput
         `user` is no folder.
     """
-    enter()
-    catalogue = cast("Catalogue", importlib.import_module("benchmarks").CATALOGUE)
+    catalogue = cast("Catalogue", offered(CATALOGUE))
     bench = Workbench(catalogue, dict(catalogue.methods), dict(catalogue.suites), {})
-    for point in metadata.entry_points(group=ENTRY_POINTS):
+    for point in metadata.entry_points(group=METHODS):
         _add_entry_point(bench, point)
     if user is not None:
         _add_folder(bench, user)
@@ -116,10 +128,7 @@ def _add_folder(bench: Workbench, user: Path) -> None:
     for path in sorted((user / "suites").glob("*.toml")):
         bench.suites[path.stem] = path
     folder = user / "methods"
-    package = importlib.import_module("methods")
-    if folder.is_dir() and str(folder) not in package.__path__:
-        package.__path__.append(str(folder))
-    importlib.invalidate_caches()
+    _use_package(folder)
     for path in sorted(folder.glob("*.py")):
         if path.stem.startswith("_"):
             continue
@@ -130,15 +139,24 @@ def _add_folder(bench: Workbench, user: Path) -> None:
             bench.broken[str(path)] = str(error)
 
 
+def _use_package(folder: Path) -> None:
+    """Make `folder` the package of the user's methods, and forget those of any folder used before."""
+    package = sys.modules.get(USER_PACKAGE)
+    if package is None or list(package.__path__) != [str(folder)]:
+        for name in [name for name in sys.modules if name.startswith(f"{USER_PACKAGE}.")]:
+            del sys.modules[name]
+        package = sys.modules[USER_PACKAGE] = ModuleType(USER_PACKAGE)
+        package.__path__ = [str(folder)]
+    importlib.invalidate_caches()
+
+
 def _methods_of(path: Path) -> Iterator[type[Method]]:
-    name = f"methods.{path.stem}"
+    name = f"{USER_PACKAGE}.{path.stem}"
     try:
         module = importlib.import_module(name)
     except (Exception, SystemExit) as error:
         line = _line_in(path, error)
         raise BadInput(f"{path}, line {line} does not import: {_one_line(error)}. Mend the file.") from error
-    if Path(module.__file__ or "").resolve() != path:
-        raise BadInput(f"{path}: the name {name} is taken by {module.__file__}; rename the file.")
     for cls in vars(module).values():
         if isinstance(cls, type) and issubclass(cls, Method) and cls.__module__ == name:
             yield cls

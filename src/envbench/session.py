@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 import tempfile
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -90,10 +89,9 @@ def opened(out: Path) -> Store:
 
 
 def write_report(store: Path, ref: str, path: Path) -> Path:
-    """Write a run's report with the benchmark root's `reports`."""
-    root.enter()
+    """Write a run's report as the benchmark root does."""
     with Store.open(store) as opened:
-        return importlib.import_module("reports").write(opened, ref, path)
+        return root.offered(root.REPORT)(opened, ref, path)
 
 
 def writable(out: Path) -> None:

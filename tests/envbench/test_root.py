@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+from pathlib import Path
 
 import pytest
 
@@ -93,9 +94,21 @@ def test_a_class_that_is_no_whole_method(user: UserFolder, text: str, said: str)
     assert "\n" not in reason
 
 
-def test_a_file_named_as_one_of_ours_is_refused(user: UserFolder) -> None:
-    path = user.file("angular", HEAD)
-    assert "rename the file" in root.load(user.path).broken[str(path)]
+def test_a_file_may_be_named_as_one_of_ours(user: UserFolder) -> None:
+    user.file("angular", HEAD + f'@dataclass(frozen=True)\nclass A(Method):\n    name = "mine"\n{STEPS}')
+    assert {"mine", "angular", "shrm"} <= set(root.load(user.path).methods)
+
+
+def test_folders_do_not_mix(tmp_path: Path) -> None:
+    """One file name in two folders: each load sees its own."""
+    for folder in ("one", "two"):
+        text = HEAD + f'@dataclass(frozen=True)\nclass A(Method):\n    name = "{folder}"\n{STEPS}'
+        (tmp_path / folder / "methods").mkdir(parents=True)
+        (tmp_path / folder / "methods" / "a.py").write_text(text)
+    for folder, other in (("one", "two"), ("two", "one")):
+        methods = root.load(tmp_path / folder).methods
+        assert folder in methods
+        assert other not in methods
 
 
 def test_a_root_that_is_no_folder(user: UserFolder) -> None:

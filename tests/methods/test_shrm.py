@@ -112,7 +112,7 @@ def test_energy_error_under_captured_light_is_at_most_eps(name: str, lobe: Lobe,
 def test_energy_error_of_one_bright_pixel_is_eps(lobe: Lobe, eps: float) -> None:
     """For one lamp the error averaged over uniform (R, V) is the BRDF's missing energy exactly: light has all degrees.
 
-    Over 2^18 low-discrepancy queries (2^16 leave 5 %); the pixel is 0.35 degrees wide, a point for every degree that counts.
+    Over 2^18 low-discrepancy queries (2^16 leave 5 %); the pixel, 0.35 degrees wide, is a point for all that counts.
     """
     radiance = np.zeros((512, 1024, 3), np.float32)
     radiance[200, 60] = 1e4
