@@ -99,7 +99,7 @@ def read(path: Path, name: str | None = None, convex: bool | None = None) -> Geo
     triangles, filled = _outward(vertices, triangles, path, notes)
     normals = _shading_normals(vertices, triangles, normals, path, notes)
     mesh = TriangleMesh(vertices, triangles, normals, uv)
-    return Geometry(name, mesh, filled if convex is None else convex, tuple(notes))
+    return Geometry(name, mesh, bool(filled) if convex is None else convex, tuple(notes))
 
 
 def mitsuba_mesh(mi: ModuleType, mesh: TriangleMesh) -> Any:
