@@ -20,6 +20,8 @@ from envbench.scene import Scene
 from methods.shrm import maps
 from methods.shrm.coefficients import MAX_F, MAX_P, LobeCoefficients, expand
 
+MAX_BYTES = 2**31
+"""Of all maps under one light."""
 ROWS_PER_ORDER = 4
 """S / F where no S is given: bicubic lookup then errs by less than 1 % of the highest frequency (`lookup`)."""
 
@@ -30,6 +32,10 @@ class PreparedLobe:
 
     coefficients: LobeCoefficients
     rows: int
+
+    def bytes(self, item: int) -> int:
+        """Return what its maps take with `item` bytes a value."""
+        return 3 * maps.planes(self.coefficients.P, self.coefficients.F) * 2 * self.rows**2 * item
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,7 +89,11 @@ class SHRM(Method):
 
     def prepare(self, material: Material, geometry: Geometry) -> tuple[PreparedLobe, ...]:
         expanded = (expand(lobe, self.eps, self.order, self.view_order) for lobe in material.lobes)
-        return tuple(PreparedLobe(c, self.rows or max(ROWS_PER_ORDER * (c.F + 1), 16)) for c in expanded)
+        prepared = tuple(PreparedLobe(c, self.rows or max(ROWS_PER_ORDER * (c.F + 1), 16)) for c in expanded)
+        size = sum(p.bytes(np.dtype(self.precision).itemsize) for p in prepared)
+        if size > MAX_BYTES:
+            raise BadInput(f"its maps would take {size / 2**30:.1f} GiB; raise eps, lower rows, or take float32.")
+        return prepared
 
     def relight(self, prepared: tuple[PreparedLobe, ...], environment: Environment) -> tuple[LobeMaps, ...]:
         order = max(p.coefficients.F for p in prepared)

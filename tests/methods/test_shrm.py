@@ -195,6 +195,11 @@ def test_angles_round_trip() -> None:
     assert np.allclose(from_angles(*to_angles(directions)), directions, atol=1e-15)
 
 
+def test_maps_that_would_fill_the_memory_are_refused() -> None:
+    with pytest.raises(BadInput, match=r"would take 2\.\d GiB; raise eps"):
+        SHRM(order=60, view_order=9, rows=700).prepare(Material("m", (Microfacet(),)), SPHERE)
+
+
 @pytest.mark.parametrize(
     ("settings", "words"),
     [
