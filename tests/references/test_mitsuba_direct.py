@@ -19,7 +19,7 @@ from envbench.directions import normalised, perpendicular, uniform
 from envbench.environment import Environment
 from envbench.errors import BadInput
 from envbench.geometry import Geometry, Points, TriangleMesh
-from envbench.material import Material
+from envbench.material import Lobe, Material
 from envbench.reference import ReferenceSettings
 from envbench.scene import Effect, Scene
 from references.mitsuba_direct import Estimator, render
@@ -113,8 +113,9 @@ def assert_same_mean(a: np.ndarray, b: np.ndarray) -> None:
         assert stats.ttest_ind(first, second, equal_var=False).pvalue > 1e-3
 
 
-def test_shadows_are_those_of_direct(mi: ModuleType, lit: Environment) -> None:
-    """An L of two faces: the corner is half hidden; rays are counted."""
+@pytest.mark.parametrize(("lobes", "rays"), [((Lambertian(),), 1), ((Lambertian(), Phong(exponent=20)), 2)])
+def test_shadows_are_those_of_direct(mi: ModuleType, lit: Environment, lobes: tuple[Lobe, ...], rays: int) -> None:
+    """An L of two faces: the corner is half hidden; `rays` a sample are counted."""
     mesh = TriangleMesh(
         vertices=np.array([[0, -9, 0], [9, -9, 0], [9, 9, 0], [0, 9, 0], [0, -9, 0], [0, 9, 0], [0, 9, 9], [0, -9, 9]])
         * 1.0,
@@ -126,7 +127,7 @@ def test_shadows_are_those_of_direct(mi: ModuleType, lit: Environment) -> None:
     normal = np.broadcast_to([0.0, 0, 1], floor.shape)
     view = np.broadcast_to(normalised([1.0, 0.2, 1]), floor.shape)
     points = Points(floor, normal, normal, perpendicular(normal), view, np.full(100, 0.01))
-    material = Material("test", (Lambertian(),))
+    material = Material("test", lobes)
     geometry = Geometry("corner", mesh, convex=False)
     scene = Scene("test", lit, material, geometry, points, effects=frozenset({Effect.SELF_SHADOWING}))
     ours = replicates(scene, 256)
@@ -134,7 +135,7 @@ def test_shadows_are_those_of_direct(mi: ModuleType, lit: Environment) -> None:
     shape.set_bsdf(bsdf(material))
     assert_same_mean(ours, direct(mi, shape, emitter(lit), floor + 0.1 * view, -view))
     result = render(scene, ReferenceSettings(floor=0.1))
-    assert result.visibility_rays >= 2 * 64 * K * len(points)
+    assert result.visibility_rays >= rays * 64 * K * len(points)
     open_sky = replicates(replace(scene, effects=frozenset()), 256).mean()
     assert ours.mean() < 0.9 * open_sky
 
