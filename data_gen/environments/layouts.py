@@ -168,4 +168,4 @@ def _bilinear(stack: NDArray[np.float32], layer: NDArray[np.int_] | int, x: Arra
     fx, fy = (x - j)[..., None].astype(np.float32), (y - i)[..., None].astype(np.float32)
     top = (1 - fx) * stack[layer, i, j] + fx * stack[layer, i, j + 1]
     bottom = (1 - fx) * stack[layer, i + 1, j] + fx * stack[layer, i + 1, j + 1]
-    return (1 - fy) * top + fy * bottom
+    return ((1 - fy) * top + fy * bottom).astype(np.float32, copy=False)

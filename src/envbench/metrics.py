@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -204,12 +205,12 @@ def _ssim(case: Comparison) -> Score:
     if min(points.image_shape or (0, 0)) < 11:  # the window
         return Score("ssim", np.nan)
     truth, shown = (points.image(v, empty=0) for v in case.shown)
-    similarity: Array = structural_similarity(
+    mean_and_map: Any = structural_similarity(
         truth, shown, data_range=1, channel_axis=-1, full=True,
         gaussian_weights=True, sigma=1.5, use_sample_covariance=False,
-    )[1]  # fmt: skip
+    )  # fmt: skip
     there = points.image(np.ones((len(points), 1)), empty=0)[..., 0] > 0
-    return Score("ssim", float(similarity[there].mean()))
+    return Score("ssim", float(mean_and_map[1][there].mean()))
 
 
 _SHOWN = f"b and r shown as {FORMULA}"
