@@ -149,9 +149,11 @@ def _interval(entry: Score, word: Callable[[float], str]) -> str:
 
 
 def _predicted(cell: CellResult) -> Entry:
-    if cell.predicted_error is None or not cell.predicted_error >= 0:
+    known = {theory: math.sqrt(error) for theory, error in cell.predictions.items() if error >= 0}
+    if not known:
         return Entry()
-    return Entry(percent(math.sqrt(cell.predicted_error)), order=_order(math.sqrt(cell.predicted_error)))
+    first = next(iter(known.values()))
+    return Entry(percent(first), order=_order(first), title="; ".join(f"{t}: {percent(e)}" for t, e in known.items()))
 
 
 def _phase(cell: CellResult, phase: Phase) -> Entry:

@@ -118,10 +118,11 @@ class SHRM(Method):
             list(pool.map(part, map(slice, edges[:-1], edges[1:])))
         return out
 
-    def predicted_error(self, prepared: tuple[PreparedLobe, ...]) -> float | None:
+    def predictions(self, prepared: tuple[PreparedLobe, ...], environment: Environment) -> dict[str, float]:
         """1 - captured BRDF energy (RH 2002, sec. 5.1); the energies of several lobes are added as if orthogonal."""
         total = sum(p.coefficients.total for p in prepared)
-        return sum(p.coefficients.missing * p.coefficients.total for p in prepared) / total if total else 0.0
+        missing = sum(p.coefficients.missing * p.coefficients.total for p in prepared)
+        return {"captured BRDF energy": missing / total if total else 0.0}
 
     def describe(self, prepared: tuple[PreparedLobe, ...]) -> dict[str, Any]:
         return {

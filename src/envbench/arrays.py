@@ -29,6 +29,8 @@ class Namespace(Protocol):
     def maximum(self, x: Any, y: Any, /) -> Any: ...
     def minimum(self, x: Any, y: Any, /) -> Any: ...
     def where(self, condition: Any, x: Any, y: Any, /) -> Any: ...
+    def floor(self, x: Any, /) -> Any: ...
+    def abs(self, x: Any, /) -> Any: ...
 
 
 def namespace(*values: Any) -> Namespace:
@@ -45,6 +47,7 @@ def namespace(*values: Any) -> Namespace:
     drjit = SimpleNamespace(
         exp=dr.exp, log=dr.log, sqrt=dr.sqrt, sin=dr.sin, cos=dr.cos, arccos=dr.acos, arctan2=dr.atan2,
         power=dr.power, maximum=dr.maximum, minimum=dr.minimum, where=dr.select,
+        floor=dr.floor, abs=dr.abs,
     )  # fmt: skip
     return cast("Namespace", drjit)
 

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from envbench.method import Method
+from envbench.records import MaterialSheet
 from envbench.reference import Agreement, Reference, ReferenceSettings
 from envbench.scene import Scene
 
@@ -31,6 +32,10 @@ class Catalogue(Protocol):
 
     def reference(self, scene: Scene, settings: ReferenceSettings, cache: Path | None) -> Reference:
         """Return ground truth, from `cache` where it holds it."""
+        ...
+
+    def sheet(self, name: str, material: Spec) -> MaterialSheet:
+        """Return what is known of a material by itself; raises `BadInput`."""
         ...
 
     def agreement(self, scenes: Sequence[Scene]) -> Sequence[Agreement]:

@@ -1,4 +1,4 @@
-"""The two ways in which envbench ends early, and how it words them."""
+"""The ways in which envbench ends early, and how it words them."""
 
 from __future__ import annotations
 
@@ -8,6 +8,10 @@ from collections.abc import Iterable
 
 class BadInput(ValueError):
     """What the user gave cannot be used: one line naming the thing, the value and the remedy (exit code 2)."""
+
+
+class NeedsData(BadInput):
+    """A file of data that the project does not ship is absent: one line naming it and how to get it."""
 
 
 class CannotRun(RuntimeError):

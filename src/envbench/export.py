@@ -55,11 +55,23 @@ def rows(store: Store, run: RunInfo) -> list[Row]:
 
 def columns() -> dict[str, type]:
     """Return the columns of an export in order, and what they hold; any value may be missing."""
-    text = ("run", "suite", "started", *_SCENE_TEXT, "method", "settings", "status", "reason", "lacks", "description")
+    text = (
+        "run",
+        "suite",
+        "started",
+        *_SCENE_TEXT,
+        "method",
+        "settings",
+        "status",
+        "reason",
+        "lacks",
+        "description",
+        "predicted_energy_errors",
+    )
     return {
         **dict.fromkeys(text, str),
         **dict.fromkeys(("points", "reference_samples", "reference_replicates", "memory_bytes"), int),
-        **dict.fromkeys(("reference_floor", "reference_rms", "reference_s", "predicted_energy_error"), float),
+        **dict.fromkeys(("reference_floor", "reference_rms", "reference_s"), float),
         **{f"{phase}_{what}_s": float for phase in Phase for what in ("first", "median", "fastest", "slowest")},
         **{
             name + part: bool if part == "_below_floor" else float
@@ -88,7 +100,7 @@ def _row(run: RunInfo, scene: SceneResult | None, cell: CellResult) -> Row:
         "lacks": "; ".join(cell.lacks),
         "description": json.dumps(cell.description),
         "memory_bytes": cell.bytes,
-        "predicted_energy_error": cell.predicted_error,
+        "predicted_energy_errors": json.dumps(cell.predictions),
     }
     for timing in cell.timings:
         seconds = (timing.first, timing.median, *timing.spread)

@@ -81,6 +81,9 @@ class Points:
         Quadrature weight: what an error averages over. Sums to 1.
     rotation : (n, 3, 3) or None
         Rest-to-posed rotation; None is the identity.
+    modulation : (n, 3) or None
+        What the material's texture is at each point; None is 1. It multiplies what a method's `shade` returns, so no
+        method looks at it.
     triangle : (n,) int or None; barycentric : (n, 3) or None; uv : (n, 2) or None
     material, pose : (n,) int or None
         Indices; None is all zero.
@@ -97,6 +100,7 @@ class Points:
     view: Array
     weight: Array
     rotation: Array | None = None
+    modulation: Array | None = None
     triangle: NDArray[np.int32] | None = None
     barycentric: Array | None = None
     uv: Array | None = None

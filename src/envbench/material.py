@@ -11,6 +11,7 @@ from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from envbench.arrays import dot, namespace
 from envbench.errors import BadInput
@@ -55,6 +56,16 @@ class Lobe(ABC):
         """Whether the lobe, clipping included, depends on C.L alone, so that P = 0 is exact."""
         return False
 
+    @property
+    def azimuthally_symmetric(self) -> bool:
+        """Whether the lobe, clipping included, depends on C.L and C.V alone, so that q = 0 is exact."""
+        return self.radially_symmetric
+
+    @property
+    def key(self) -> str:
+        """Content address: parameters and source code. A lobe that holds arrays adds their digest."""
+        return repr(self) + inspect.getsource(inspect.getmodule(type(self)) or type(self))
+
     @abstractmethod
     def profile(self, light: Any, view: Any, centre: Any, normal: Any) -> tuple[Any, ...]:
         """Return the whole lobe's value in 1/sr, before `reflectance` and clipping: `channels` arrays."""
@@ -82,12 +93,36 @@ class Lobe(ABC):
         return r * self.reflectance[0], g * self.reflectance[1], b * self.reflectance[2]
 
 
+@dataclass(frozen=True, eq=False)
+class Texture:
+    """A map that multiplies a material's reflectance: `values` (H, W, 3), linear, in [0, 1], row 0 at v = 0.
+
+    Texels are centred at ((j + 1/2) / W, (i + 1/2) / H); between them it is bilinear, and it repeats beyond [0, 1].
+    """
+
+    name: str
+    values: NDArray[np.float32]
+
+    @cached_property
+    def key(self) -> str:
+        """Content address."""
+        return hashlib.sha256(repr(self.values.shape).encode() + self.values.tobytes()).hexdigest()
+
+
 @dataclass(frozen=True)
 class Material:
-    """A BRDF: the sum of its lobes."""
+    """A BRDF: the sum of its lobes, all multiplied by the texture where there is one.
+
+    Attributes
+    ----------
+    notes : tuple of str
+        What a user should know of it, a line each (not reciprocal by so much, gains energy, values clamped ...).
+    """
 
     name: str
     lobes: tuple[Lobe, ...]
+    texture: Texture | None = None
+    notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         if not self.lobes:
@@ -96,5 +131,5 @@ class Material:
     @cached_property
     def key(self) -> str:
         """Content address: the lobes' parameters and the source code of their formulae."""
-        text = [repr(lobe) + inspect.getsource(inspect.getmodule(type(lobe)) or type(lobe)) for lobe in self.lobes]
+        text = [lobe.key for lobe in self.lobes] + ([self.texture.key] if self.texture else [])
         return hashlib.sha256("\0".join(text).encode()).hexdigest()

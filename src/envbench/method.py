@@ -25,7 +25,7 @@ in `Method.tolerance`, and is held to that.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass
 from typing import Any, ClassVar, Self
 
@@ -79,11 +79,11 @@ class Method(ABC):
 
     @abstractmethod
     def shade(self, framed: Any, points: Points) -> NDArray[np.floating]:
-        """Return the reflected radiance (n, 3), float32 or float64, at the points."""
+        """Return the reflected radiance (n, 3), float32 or float64, at the points (`Points.modulation` apart)."""
 
-    def predicted_error(self, prepared: Any) -> float | None:
-        """Return the energy error (squared NRMSE over uniform (R, V)) that theory predicts, or None."""
-        return None
+    def predictions(self, prepared: Any, environment: Environment) -> Mapping[str, float]:
+        """Return the energy error (squared NRMSE over uniform (R, V)) that each theory predicts, by its name."""
+        return {}
 
     def describe(self, prepared: Any) -> dict[str, Any]:
         """Return what was chosen for this asset, for the report (orders, resolutions ...)."""

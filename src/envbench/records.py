@@ -85,7 +85,8 @@ class CellResult:
     timings: tuple[Timing, ...] = ()
     scores: tuple[Score, ...] = ()
     bytes: int = 0
-    predicted_error: float | None = None
+    predictions: dict[str, float] = field(default_factory=dict[str, float])
+    """Energy error (squared NRMSE over uniform (R, V)) that each theory predicts, by its name."""
     description: dict[str, Any] = field(default_factory=dict[str, Any])
     lacks: tuple[str, ...] = ()
     """Effects of the scene that the method does not simulate."""
@@ -120,8 +121,47 @@ class SceneResult:
     reference_from_cache: bool
     reference_rms: float
     notes: tuple[str, ...] = ()
+    knob: str = ""
+    """The hard case that the scene is a step of: what is turned, from easy to extreme."""
+    step: int = 0
+    setting: str = ""
+    """The knob's value at this step, as text."""
     image: NDArray[np.float32] | None = None
     """(H, W, 3) reference mean where the points form an image; NaN where there is no point."""
+
+
+@dataclass(frozen=True)
+class MaterialSheet:
+    """What is known of a material by itself: what a user checks before trusting a measured BRDF.
+
+    Attributes
+    ----------
+    lobes : tuple of str
+        Each lobe in words: kind, parameters, centre, whole or clipped.
+    reciprocity : float
+        RMS of rho(L, V) - rho(V, L) over the RMS of rho, the cosine left out, over cosine-weighted pairs; 0 is ideal.
+    negative : float
+        Share of those pairs at which some channel is negative before clamping.
+    albedo : tuple of (degrees, r, g, b)
+        Directional albedo by the angle of the view to the normal.
+    orders : tuple of (eps, lobe number, F, P, missing energy)
+        Least SHRM orders that leave out at most eps of a lobe's energy.
+    captured : tuple of (lobe number, P, energy)
+        Captured energy by P at F = 30.
+    slices : tuple of (light degrees, view angles in degrees, values)
+        rho times cos, mean of r, g and b, in the plane of incidence: the lobe plot. Negative angles: the light's side.
+    """
+
+    name: str
+    spec: dict[str, Any]
+    lobes: tuple[str, ...]
+    notes: tuple[str, ...]
+    reciprocity: float
+    negative: float
+    albedo: tuple[tuple[float, float, float, float], ...]
+    orders: tuple[tuple[float, int, int, int, float], ...]
+    captured: tuple[tuple[int, int, float], ...]
+    slices: tuple[tuple[float, tuple[float, ...], tuple[float, ...]], ...]
 
 
 @dataclass(frozen=True)

@@ -112,7 +112,30 @@ LEFT JOIN timing AS c ON c.cell_id = cell.id AND c.phase = 'frame'
 LEFT JOIN timing AS d ON d.cell_id = cell.id AND d.phase = 'shade'
 ORDER BY run.number, cell.id"""
 
+_MATERIAL = """
+CREATE TABLE material (
+    id INTEGER PRIMARY KEY,
+    run_id TEXT NOT NULL REFERENCES run (id) ON DELETE CASCADE,
+    name TEXT NOT NULL,
+    sheet TEXT NOT NULL,             -- JSON object: the fields of envbench.records.MaterialSheet
+    UNIQUE (run_id, name)
+)"""
+
+_FIRST_PREDICTION = "(SELECT value FROM json_each(cell.predictions) LIMIT 1) AS predicted_error"
+
 MIGRATIONS: list[tuple[str, ...]] = [
     (f"PRAGMA application_id = {APPLICATION}", _RUN, _SCENE, _CELL, _TIMING, _SCORE, _RESULTS),
+    (  # several predictions a cell; hard cases; materials by themselves
+        "ALTER TABLE cell ADD COLUMN predictions TEXT NOT NULL DEFAULT '{}'",  # JSON object: energy error by theory
+        """UPDATE cell SET predictions = json_object('captured BRDF energy', predicted_error)
+           WHERE predicted_error IS NOT NULL""",
+        "DROP VIEW results",
+        "ALTER TABLE cell DROP COLUMN predicted_error",
+        _RESULTS.replace("cell.predicted_error", _FIRST_PREDICTION),
+        "ALTER TABLE scene ADD COLUMN knob TEXT NOT NULL DEFAULT ''",  # the hard case that the scene is a step of
+        "ALTER TABLE scene ADD COLUMN step INTEGER NOT NULL DEFAULT 0",
+        "ALTER TABLE scene ADD COLUMN setting TEXT NOT NULL DEFAULT ''",  # the knob's value at the step
+        _MATERIAL,
+    ),
 ]
 """Statements that lead from schema i to schema i + 1."""

@@ -11,7 +11,7 @@ import sqlite3
 import zlib
 from collections.abc import Generator
 from contextlib import contextmanager
-from dataclasses import fields
+from dataclasses import asdict, fields
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from envbench.database import connect, migrate, transaction, worded
 from envbench.errors import BadInput
-from envbench.records import CellResult, Phase, RunInfo, SceneResult, Score, Status, Timing
+from envbench.records import CellResult, MaterialSheet, Phase, RunInfo, SceneResult, Score, Status, Timing
 
 
 class Store:
@@ -99,6 +99,12 @@ class Store:
             for score in cell.scores:
                 self._insert("score", {"cell_id": number, **{f.name: getattr(score, f.name) for f in fields(score)}})
 
+    def save_sheet(self, run_id: str, sheet: MaterialSheet) -> None:
+        """Save what is known of a material; one of the same name is replaced."""
+        with self._transaction():
+            self._db.execute("DELETE FROM material WHERE run_id = ? AND name = ?", (run_id, sheet.name))
+            self._insert("material", {"run_id": run_id, "name": sheet.name, "sheet": asdict(sheet)})
+
     def finish(self, run_id: str, finished: str, wall_seconds: float, overhead_seconds: float) -> None:
         """Save how a run ended: `finished` is a time in ISO 8601."""
         with self._transaction():
@@ -148,6 +154,11 @@ class Store:
             scores.setdefault(row.pop("cell_id"), []).append(_score(row))
         rows = self._rows("SELECT * FROM cell WHERE run_id = ? ORDER BY id", run_id)
         return [_cell(row, tuple(timings.get(row["id"], ())), tuple(scores.get(row["id"], ()))) for row in rows]
+
+    def sheets(self, run_id: str) -> list[MaterialSheet]:
+        """Return what is known of the run's materials, in the order in which they were saved."""
+        rows = self._rows("SELECT sheet FROM material WHERE run_id = ? ORDER BY id", run_id)
+        return [_sheet(json.loads(row["sheet"])) for row in rows]
 
     def finished_keys(self, run_id: str) -> set[str]:
         """Return the keys of all saved cells, whatever their status: what a resumed run need not repeat."""
@@ -211,6 +222,14 @@ def _scene(row: dict[str, Any]) -> SceneResult:
     return SceneResult(**row, image=image)
 
 
+def _sheet(row: dict[str, Any]) -> MaterialSheet:
+    return MaterialSheet(**{name: _tuples(value) for name, value in row.items()})
+
+
+def _tuples(value: Any) -> Any:
+    return tuple(map(_tuples, value)) if isinstance(value, list) else value
+
+
 def _score(row: dict[str, Any]) -> Score:
     row |= {"below_floor": bool(row["below_floor"]), "jackknife": tuple(json.loads(row["jackknife"]))}
     return Score(**_defined(row, "value", "low", "high"))
@@ -219,6 +238,6 @@ def _score(row: dict[str, Any]) -> Score:
 def _cell(row: dict[str, Any], timings: tuple[Timing, ...], scores: tuple[Score, ...]) -> CellResult:
     image = _unpack(row)
     del row["id"], row["run_id"]
-    row |= {"settings": json.loads(row["settings"]), "description": json.loads(row["description"])}
+    row |= {name: json.loads(row[name]) for name in ("settings", "description", "predictions")}
     row |= {"lacks": tuple(json.loads(row["lacks"])), "status": Status(row["status"])}
     return CellResult(**row, timings=timings, scores=scores, image=image)

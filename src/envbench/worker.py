@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from envbench import furnace, llvm, metrics, root, timing
 from envbench.errors import BadInput, CannotRun
 from envbench.failures import failure
+from envbench.geometry import Points
 from envbench.messages import FirstPass, MakeReference, Ready, Request, Round, Setup
 from envbench.method import Method, footprint
 from envbench.plan import CellSpec, SceneSpec, remarks
@@ -131,13 +132,13 @@ class Desk:
         prepared, framed, answer, seconds = render(method, scene)
         values = checked(answer, len(scene.points))
         self.prepared[cell.key] = prepared, seconds[Phase.PREPARE] > SLOW_PREPARE
-        predicted = method.predicted_error(prepared)
+        predictions = method.predictions(prepared, scene.environment)
         return replace(
             blank,
             timings=tuple(Timing(phase, s) for phase, s in seconds.items()),
             scores=metrics.score(values, truth, scene.points),
             bytes=footprint(framed),
-            predicted_error=None if predicted is None else float(predicted),
+            predictions={str(theory): float(error) for theory, error in predictions.items()},
             description=plain(method.describe(prepared)),
             image=image(values, scene),
         )
@@ -166,8 +167,15 @@ def render(method: Method, scene: Scene, prepared: Any = None) -> tuple[Any, Any
         prepared, seconds[Phase.PREPARE] = timing.timed(lambda: method.prepare(scene.material, scene.geometry))
     relit, seconds[Phase.RELIGHT] = timing.timed(lambda: method.relight(prepared, scene.environment))
     framed, seconds[Phase.FRAME] = timing.timed(lambda: method.frame(relit, scene.viewer))
-    values, seconds[Phase.SHADE] = timing.timed(lambda: method.shade(framed, scene.points))
+    values, seconds[Phase.SHADE] = timing.timed(lambda: modulated(method.shade(framed, scene.points), scene.points))
     return prepared, framed, values, seconds
+
+
+def modulated(answer: Any, points: Points) -> Any:
+    """Return what `shade` gave times the material's texture."""
+    if points.modulation is None or not isinstance(answer, np.ndarray) or answer.shape != points.modulation.shape:
+        return answer
+    return answer * points.modulation.astype(answer.dtype)
 
 
 def checked(answer: Any, count: int) -> NDArray[np.floating]:

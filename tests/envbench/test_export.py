@@ -23,7 +23,7 @@ SCENE = SceneResult(
 CELL = CellResult(
     "k1", "grace", "shrm", {"epsilon": 0.1}, Status.OK, timings=(Timing(Phase.RELIGHT, 0.5, (0.1, 0.3, 0.2)),),
     scores=(Score("nrmse", 0.1, 0.05, 0.15, True), Score("psnr", math.inf), Score("energy_ratio", math.nan)),
-    bytes=7, predicted_error=0.01, description={"F": 12}, lacks=("interreflection",),
+    bytes=7, predictions={"captured BRDF energy": 0.01}, description={"F": 12}, lacks=("interreflection",),
 )  # fmt: skip
 FAILED = CellResult("k2", "gone", "angular", {}, Status.FAILED, 'said "no", twice\nand again')
 
@@ -46,7 +46,7 @@ def test_a_row_holds_the_cell_with_units_in_the_names(store):
         "lacks": "interreflection", "relight_first_s": 0.5, "relight_median_s": 0.2, "relight_fastest_s": 0.1,
         "relight_slowest_s": 0.3, "shade_median_s": None, "nrmse": 0.1, "nrmse_low": 0.05, "nrmse_high": 0.15,
         "nrmse_below_floor": True, "psnr": math.inf, "psnr_low": None, "energy_ratio": None, "mse": None,
-        "predicted_energy_error": 0.01, "description": '{"F": 12}',
+        "predicted_energy_errors": '{"captured BRDF energy": 0.01}', "description": '{"F": 12}',
     }  # fmt: skip
     assert {name: row[name] for name in expected} == expected
     assert list(row) == list(failed) == list(columns())

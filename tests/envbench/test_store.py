@@ -18,7 +18,8 @@ import numpy as np
 import pytest
 
 from envbench.errors import BadInput
-from envbench.records import CellResult, Phase, RunInfo, SceneResult, Score, Status, Timing
+from envbench.records import CellResult, MaterialSheet, Phase, RunInfo, SceneResult, Score, Status, Timing
+from envbench.schema import MIGRATIONS
 from envbench.store import Store
 
 RUN = RunInfo("a1f0", "quick", "name = 'quick'\n", "2026-01-02T03:04:05", {"cores": 2}, {"numpy": "2.2"})
@@ -37,7 +38,8 @@ CELL = CellResult(
         Score("nrmse", 0.1, 0.05, 0.15, True, (0.1, 1 / 3)), Score("energy_ratio", 1.5),
         Score("psnr", math.inf, 0.0, 1.0),
     ),
-    bytes=2**40, predicted_error=0.01, description={"F": 12}, lacks=("interreflection",), image=IMAGE,
+    bytes=2**40, predictions={"captured BRDF energy": 0.01}, description={"F": 12},
+    lacks=("interreflection",), image=IMAGE,
 )  # fmt: skip
 
 
@@ -155,6 +157,7 @@ WRITER = """
 import sys
 import numpy as np
 from envbench.records import *
+from envbench.schema import MIGRATIONS
 from envbench.store import Store
 
 store = Store.open(sys.argv[1], create=True)
@@ -204,21 +207,49 @@ def colours(path):
     return rows
 
 
-def test_a_store_of_schema_1_is_led_to_a_later_one(store, path, monkeypatch):
+def test_a_store_is_led_to_a_later_schema(store, path, monkeypatch):
     store.save_cell(RUN.id, CELL)
     store.close()
-    monkeypatch.setattr("envbench.database.MIGRATIONS", [(), LATER])
+    monkeypatch.setattr("envbench.database.MIGRATIONS", [*MIGRATIONS, LATER])
     with Store.open(path) as later:
         assert later.finished_keys(RUN.id) == {"k1"}
-    assert colours(path) == [(2, "grey")]
+    assert colours(path) == [(len(MIGRATIONS) + 1, "grey")]
     Store.open(path).close()
-    assert colours(path) == [(2, "grey")]
+    assert colours(path) == [(len(MIGRATIONS) + 1, "grey")]
+
+
+def test_schema_1_kept_one_prediction_a_cell(path):
+    old = sqlite3.connect(path)
+    for statement in MIGRATIONS[0]:
+        old.execute(statement)
+    old.execute("PRAGMA user_version = 1")
+    old.execute("INSERT INTO run VALUES (1, 'r', 's', '', '2026', '{}', '{}', NULL, NULL, NULL)")
+    for key, predicted in (("with", 0.25), ("without", None)):
+        old.execute(
+            "INSERT INTO cell VALUES (NULL, 'r', ?, 's', 'm', '{}', 'ok', '', 0, ?, '{}', '[]', NULL, NULL, NULL)",
+            (key, predicted),
+        )
+    old.commit()
+    old.close()
+    with Store.open(path) as store:
+        found = {cell.key: cell.predictions for cell in store.cells("r")}
+    assert found == {"with": {"captured BRDF energy": 0.25}, "without": {}}
+
+
+def test_sheets_come_back_as_saved(store):
+    sheet = MaterialSheet(
+        "skin", {"kind": "lafortune"}, ("lobe",), ("note",), 0.01, 0.0, ((0.0, 0.1, 0.2, 0.3),),
+        ((0.1, 0, 12, 4, 0.09),), ((0, 1, 0.9),), ((30.0, (-10.0, 10.0), (0.1, 0.2)),),
+    )  # fmt: skip
+    store.save_sheet(RUN.id, sheet)
+    store.save_sheet(RUN.id, sheet)
+    assert store.sheets(RUN.id) == [sheet]
 
 
 def test_a_migration_that_fails_leaves_the_store_as_it_was(store, path, monkeypatch):
     store.close()
     with monkeypatch.context() as later:
-        later.setattr("envbench.database.MIGRATIONS", [(), (LATER[0], "nonsense")])
+        later.setattr("envbench.database.MIGRATIONS", [*MIGRATIONS, (LATER[0], "nonsense")])
         with pytest.raises(BadInput, match='near "nonsense"'):
             Store.open(path)
     with Store.open(path) as again:

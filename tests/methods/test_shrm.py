@@ -123,7 +123,7 @@ def test_energy_error_of_one_bright_pixel_is_eps(lobe: Lobe, eps: float) -> None
     power = radiance.sum((0, 1)) * float(latlong.solid_angles(512, 1024)[200, 0])
     axes = (np.moveaxis(v, -1, 0) for v in (points.view, points.central(lobe.centre), points.normal))
     exact = power * np.stack(np.broadcast_arrays(*lobe.evaluate(at, *axes)), -1)
-    predicted = method.predicted_error(method.prepare(Material("m", (lobe,)), SPHERE))
+    predicted = method.predictions(method.prepare(Material("m", (lobe,)), SPHERE), light)["captured BRDF energy"]
     assert nrmse(got, exact) ** 2 == pytest.approx(predicted, rel=0.05)
     assert nrmse(got, exact) ** 2 <= eps
 

@@ -112,7 +112,7 @@ class Synthetic:
                 Score("rmse", 0.7 * error, 0.95 * 0.7 * error, 1.05 * 0.7 * error),
             ),
             bytes=1_234_567,
-            predicted_error=error**2,
+            predictions={"captured BRDF energy": error**2},
             image=None if of.image is None else of.image * np.float32(1 + error),
         )
         return replace(made, **changes)
@@ -120,7 +120,7 @@ class Synthetic:
     @staticmethod
     def ended(of: SceneResult, status: Status, reason: str, **changes: Any) -> CellResult:
         """Return a cell that gave no result."""
-        nothing = {"timings": (), "scores": (), "bytes": 0, "predicted_error": None, "image": None}
+        nothing = {"timings": (), "scores": (), "bytes": 0, "predictions": {}, "image": None}
         return Synthetic.cell(of, status=status, reason=reason, **nothing, **changes)
 
 
