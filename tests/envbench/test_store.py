@@ -157,7 +157,6 @@ WRITER = """
 import sys
 import numpy as np
 from envbench.records import *
-from envbench.schema import MIGRATIONS
 from envbench.store import Store
 
 store = Store.open(sys.argv[1], create=True)
@@ -262,7 +261,7 @@ def test_a_newer_schema_is_refused(store, path):
     user.execute("PRAGMA user_version = 7")
     user.close()
     for create in (False, True):
-        message = r"made by a newer envbench \(schema 7, this one knows 1\): upgrade envbench\."
+        message = r"made by a newer envbench \(schema 7, this one knows 2\): upgrade envbench\."
         with pytest.raises(BadInput, match=message):
             Store.open(path, create=create)
 
