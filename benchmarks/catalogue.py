@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections import OrderedDict
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
@@ -16,6 +17,7 @@ from envbench.errors import BadInput
 from envbench.geometry import Geometry, Points, Viewer
 from envbench.material import Centre
 from envbench.method import Method
+from envbench.records import MaterialSheet
 from envbench.reference import Agreement, Reference, ReferenceSettings
 from envbench.scene import Effect, Scene
 from methods import METHODS
@@ -38,11 +40,15 @@ class Catalogue:
     views: Mapping[str, Spec] = field(default_factory=lambda: views.VIEWS)
 
     def scene(self, *, name: str, light: Spec, material: Spec, geometry: Spec, view: Spec) -> Scene:
-        """Build a scene; its `name` is light/material/geometry/view. The last light and queries are kept."""
+        """Build a scene; its `name` is light/material/geometry/view. The last lights and queries are kept."""
         names = name.split("/") if name.count("/") == 3 else [name] * 4
-        environment = _kept(_light, names[0], light)
+        environment = _LIGHTS.get(names[0], _text(light))
         brdf = materials.build(material, names[1])
-        shape, points, viewer = _kept(_queries, (names[2], names[3]), (geometry, view))
+        shape, points, viewer = _queries((names[2], names[3]), _text((geometry, view)))
+        if brdf.texture is not None:
+            from data_gen import texture
+
+            points = replace(points, modulation=texture.modulation(brdf.texture, points))
         effects = {Effect.VIEW_DEPENDENCE} if any(lobe.centre is not Centre.NORMAL for lobe in brdf.lobes) else set()
         if not shape.convex:
             effects.add(Effect.SELF_SHADOWING)
@@ -52,6 +58,12 @@ class Catalogue:
         """Return ground truth, from `cache` where it holds it."""
         return reference(scene, settings, cache)
 
+    def sheet(self, name: str, material: Spec) -> MaterialSheet:
+        """Return what is known of a material by itself."""
+        from benchmarks import sheets
+
+        return sheets.sheet(name, material)
+
     def agreement(self, scenes: Sequence[Scene]) -> Sequence[Agreement]:
         """Hold Mitsuba's reference against the quadrature on every convex scene."""
         from references import agreement  # brings scipy.stats, which takes a worker a second to import
@@ -59,19 +71,38 @@ class Catalogue:
         return agreement.table(scenes)
 
 
-def _kept(build: Callable[[Any, str], Any], name: Any, spec: Any) -> Any:
-    return build(name, json.dumps(spec, sort_keys=True, default=str))
+def _text(spec: Any) -> str:
+    return json.dumps(spec, sort_keys=True, default=str)
 
 
-@lru_cache(maxsize=1)
+@dataclass
+class Lights:
+    """The lights built last, at most `limit` bytes of radiance together (but always the last one)."""
+
+    build: Callable[[str, str], Environment]
+    limit: int = 256 * 2**20
+    kept: OrderedDict[tuple[str, str], Environment] = field(default_factory=OrderedDict[tuple[str, str], Environment])
+
+    def get(self, name: str, spec: str) -> Environment:
+        """Return a light, built if it is not kept."""
+        light = self.kept.pop((name, spec), None) or self.build(name, spec)
+        self.kept[name, spec] = light
+        while len(self.kept) > 1 and sum(other.radiance.nbytes for other in self.kept.values()) > self.limit:
+            self.kept.popitem(last=False)
+        return light
+
+
 def _light(name: str, spec: str) -> Environment:
     try:
         return replace(environments.build(json.loads(spec)), name=name)
     except BadInput as error:
-        raise BadInput(f"light '{name}': {error}") from None
+        raise type(error)(f"light '{name}': {error}") from None
 
 
-@lru_cache(maxsize=1)
+_LIGHTS = Lights(_light)
+
+
+@lru_cache(maxsize=4)
 def _queries(names: tuple[str, str], spec: str) -> tuple[Geometry, Points, Viewer | None]:
     shape_spec, view_spec = json.loads(spec)
     shape = geometry.build(shape_spec, names[0])

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from data_gen.lobes.draws import albedo
 from envbench.material import Centre, Lobe, Material
 
 _NORMAL = (0.0, 0.0, 1.0)
@@ -19,8 +20,8 @@ _TANGENT = (1.0, 0.0, 0.0)
 def bsdf(material: Material) -> Any:
     """Return the `mi.BSDF` of `material`, for the variant that is set (another variant needs another call).
 
-    A lobe is chosen in proportion to its mean reflectance. Its draws are rejected (weight zero) where the lobe is
-    clipped, and its density is zero there, so the density may integrate to less than 1.
+    A lobe is chosen in proportion to what it reflects of constant light. Its draws are rejected (weight zero) where
+    the lobe is clipped, and its density is zero there, so the density may integrate to less than 1.
     """
     import mitsuba as mi
 
@@ -66,8 +67,10 @@ def bsdf(material: Material) -> Any:
 
 
 def _chances(lobes: tuple[Lobe, ...]) -> tuple[float, ...]:
-    albedo = np.array([np.mean(lobe.reflectance) for lobe in lobes])
-    chances = albedo / albedo.sum() if albedo.sum() > 0 else np.full(len(lobes), 1 / len(lobes))
+    if len(lobes) == 1:
+        return (1.0,)
+    reflected = np.array([albedo(lobe).mean() for lobe in lobes])
+    chances = reflected / reflected.sum() if reflected.sum() > 0 else np.full(len(lobes), 1 / len(lobes))
     return tuple(float(chance) for chance in chances)
 
 

@@ -18,9 +18,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 import data_gen.geometry
 import data_gen.mitsuba_bsdf
+import data_gen.mitsuba_estimator
 import data_gen.mitsuba_light
 import envbench.arrays
 import envbench.material
@@ -32,6 +34,7 @@ SOURCES = (
     direct,
     data_gen.geometry,
     data_gen.mitsuba_bsdf,
+    data_gen.mitsuba_estimator,
     data_gen.mitsuba_light,
     envbench.arrays,
     envbench.material,
@@ -54,10 +57,11 @@ def provenance(scene: Scene, settings: ReferenceSettings) -> dict[str, Any]:
         "geometry": scene.geometry.key,
         "convex": scene.geometry.convex,
         "points": scene.points.key,
-        "weight": hashlib.sha256(np.asarray(scene.points.weight, np.float64).tobytes()).hexdigest(),
+        "weight": _digest_of(scene.points.weight),
+        "modulation": None if scene.points.modulation is None else _digest_of(scene.points.modulation),
         "effects": sorted(scene.effects),
         "integrator": "direct at the points",
-        "sampler": direct.SAMPLER,
+        "sampler": data_gen.mitsuba_estimator.SAMPLER,
         "settings": asdict(settings),
         "sources": {m.__name__: hashlib.sha256(inspect.getsource(m).encode()).hexdigest() for m in SOURCES},
         "versions": {name: version(name) for name in PACKAGES},
@@ -152,6 +156,10 @@ def _verify(file: Path) -> None:
         raise Damaged("it is truncated")
     if digest != _digest(body):
         raise Damaged("its checksum does not fit")
+
+
+def _digest_of(values: NDArray[np.floating]) -> str:
+    return hashlib.sha256(np.asarray(values, np.float64).tobytes()).hexdigest()
 
 
 def _digest(content: bytes) -> bytes:

@@ -14,13 +14,17 @@ from typing import Any
 
 from envbench.errors import BadInput
 from envbench.metrics import METRICS
-from envbench.records import CellResult, RunInfo, SceneResult, Status
+from envbench.records import CellResult, MaterialSheet, RunInfo, SceneResult, Status
+from envbench.stability import FACTOR, LEVEL
 from envbench.store import Store
 from reports import numerals
+from reports.hard import hard_cases
+from reports.materials import PAPER_ABOVE, PAPER_SAMPLES, PAPER_WORST, materials
+from reports.measured import CLOSE, held
 from reports.pictures import colour_bar, gallery, thinning
 from reports.plots import marks, plot_data
 from reports.table import nrmse, table
-from reports.verdict import LEVELS, score, settings_text, varied, verdicts
+from reports.verdict import LEVELS, SITUATIONS, competitions, glance, score, settings_text, varied, verdicts
 
 _TEMPLATES = Path(__file__).parent / "templates"
 
@@ -76,15 +80,20 @@ def write(store: Store, run_ref: str, path: Path) -> Path:
 def render(store: Store, run_ref: str) -> str:
     """Return the report of a run as HTML; raises `BadInput` for an unknown run."""
     run = store.run(run_ref)
-    return _fill(run, store.scenes(run.id), store.cells(run.id))
+    return _fill(run, store.scenes(run.id), store.cells(run.id), store.sheets(run.id))
 
 
-def _fill(run: RunInfo, scenes: Sequence[SceneResult], cells: Sequence[CellResult]) -> str:
+def _fill(
+    run: RunInfo, scenes: Sequence[SceneResult], cells: Sequence[CellResult], sheets: Sequence[MaterialSheet]
+) -> str:
     from jinja2 import Environment, FileSystemLoader, StrictUndefined
     from markupsafe import Markup
 
     step = thinning([cell.image for cell in cells])
-    by_scene = {scene.name: [cell for cell in cells if cell.scene == scene.name] for scene in scenes}
+    by_scene: dict[str, list[CellResult]] = {scene.name: [] for scene in scenes}
+    for cell in cells:
+        by_scene.get(cell.scene, []).append(cell)
+    found, looks = verdicts(scenes, cells), marks(cells)
     environment = Environment(
         loader=FileSystemLoader(_TEMPLATES),
         autoescape=True,
@@ -107,10 +116,21 @@ def _fill(run: RunInfo, scenes: Sequence[SceneResult], cells: Sequence[CellResul
         counts=_counts(cells),
         orphans=sorted({cell.scene for cell in cells} - set(by_scene)),
         levels=LEVELS,
-        verdicts=verdicts(scenes, cells),
-        marks=marks(cells),
+        situations=SITUATIONS,
+        verdicts=(contested := competitions(found)),
+        alone=[verdict for verdict in found if verdict not in contested],
+        glance=glance(found),
+        hard=hard_cases(scenes, cells, looks),
+        hard_factor=FACTOR,
+        hard_level=LEVEL,
+        held=held(scenes, cells),
+        close=CLOSE,
+        materials=materials(sheets),
+        paper=(PAPER_ABOVE, PAPER_SAMPLES, PAPER_WORST),
+        marks=looks,
         table=table(scenes, cells),
         selectors=_selectors(scenes),
+        choosers=_choosers(scenes),
         galleries=[
             picture for i, scene in enumerate(scenes) if (picture := gallery(i, scene, by_scene[scene.name], step))
         ],
@@ -157,6 +177,17 @@ def _counts(cells: Sequence[CellResult]) -> dict[Status, int]:
 def _selectors(scenes: Sequence[SceneResult]) -> dict[str, list[str]]:
     names = ("light", "material", *varied(scenes, ("geometry", "view")))
     return {name: list(dict.fromkeys(getattr(scene, name) for scene in scenes)) for name in names}
+
+
+def _choosers(scenes: Sequence[SceneResult]) -> dict[str, list[str]]:
+    """Return what chooses a scene: the parts of those that are no step of a hard case, and the steps by knob."""
+    plain = [scene for scene in scenes if not scene.knob]
+    turned = [scene for scene in scenes if scene.knob]
+    chosen = _selectors(plain) if plain else {}
+    for name in ("knob", "setting") if turned else ():
+        values = list(dict.fromkeys(getattr(scene, name) for scene in turned))
+        chosen[name] = ["", *values] if plain else values
+    return chosen
 
 
 def _troubles(cells: Sequence[CellResult]) -> list[Trouble]:

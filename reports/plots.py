@@ -12,12 +12,12 @@ from markupsafe import escape
 from envbench.records import CellResult, Phase, SceneResult, Status, Timing
 from reports.numerals import between, percent, seconds
 from reports.table import nrmse
-from reports.verdict import CHANGE_OF_LIGHT, score, settings_text, timing
+from reports.verdict import SITUATIONS, score, settings_text, timing
 
 CLOCK = 1e-7
 """Seconds below which a phase is drawn at the edge: a step that returns at once has no place on a log axis."""
 PANELS: tuple[tuple[str, str, tuple[Phase, ...]], ...] = (
-    ("change", "change of light: relight + frame + shade", CHANGE_OF_LIGHT),
+    ("change", "change of light: relight + frame + shade", SITUATIONS[0].phases),
     *((phase.value, phase.value, (phase,)) for phase in Phase),
 )
 
@@ -55,6 +55,8 @@ def plot_data(scenes: Sequence[SceneResult], cells: Sequence[CellResult]) -> dic
                 "material": scene.material,
                 "geometry": scene.geometry,
                 "view": scene.view,
+                "knob": scene.knob,
+                "setting": scene.setting,
                 "floor": scene.reference_floor if scene.reference_rms > 0 else None,
                 "floorText": f"reference noise floor {percent(scene.reference_floor)}",
             }

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 
 from envbench.metrics import METRICS
 from envbench.records import CellResult, Phase, SceneResult, Score, Status
+from reports.measured import exception
 from reports.numerals import RADIANCE, UNDEFINED, between, percent, ratio, seconds, size, three
 from reports.verdict import score, settings_text, timing, varied
 
@@ -50,10 +51,12 @@ class Table:
     rows: tuple[Row, ...]
 
 
-_IN_PERCENT = ("nrmse", "max_error")
+_IN_PERCENT = ("nrmse", "max_error", "worst_view")
 _NEAR_ONE = ("energy_ratio", "captured_energy", "ssim")
-_SHOWN_WITH_NRMSE = ("captured_energy", "mse", "rmse")
-"""What says the same in other units: no columns of their own."""
+_SHOWN_WITH_NRMSE = ("captured_energy", "mse", "rmse", "max_error")
+"""What says the same in other units, or nearly: no columns of their own."""
+FURNACE = 1e-3
+"""How far from 1 the energy ratio under constant light may be before the row says what is lost."""
 
 
 def table(scenes: Sequence[SceneResult], cells: Sequence[CellResult]) -> Table:
@@ -71,8 +74,8 @@ def table(scenes: Sequence[SceneResult], cells: Sequence[CellResult]) -> Table:
                 Entry(cell.method, f"lacks {', '.join(cell.lacks)}" if cell.lacks else "", cell.method),
                 _settings(cell),
                 Entry(cell.status, cell.reason, cell.status, kind=f"status {cell.status.name.lower()}"),
-                *(_metric(cell, name) for name in metrics),
-                _predicted(cell),
+                *(_metric(cell, name, None if place is None else scenes[place]) for name in metrics),
+                _predicted(cell, None if place is None else scenes[place]),
                 *(_phase(cell, phase) for phase in Phase),
                 Entry(size(cell.bytes), order=cell.bytes) if cell.status is Status.OK else Entry(),
             ),
@@ -92,7 +95,11 @@ def _columns(names: Sequence[str], metrics: Sequence[str]) -> list[Column]:
             Column(METRICS[name].title, METRICS[name].formula) if name in METRICS else Column(name, name)
             for name in metrics
         ),
-        Column("predicted NRMSE", "square root of the energy error that theory predicts over uniform (R, V)"),
+        Column(
+            "predicted NRMSE",
+            "square root of the energy error that theory predicts over uniform (R, V); "
+            "beneath, where the measured error exceeds it",
+        ),
         *(Column(phase, f"{phase}: median of the rounds, fastest – slowest beneath") for phase in Phase),
         Column("memory", "bytes of the arrays that must be kept to shade"),
     ]
@@ -110,7 +117,7 @@ def _settings(cell: CellResult) -> Entry:
     return Entry(text, order=text, title=f"chosen: {chosen}" if chosen else "", kind="settings")
 
 
-def _metric(cell: CellResult, name: str) -> Entry:
+def _metric(cell: CellResult, name: str, scene: SceneResult | None) -> Entry:
     entry = score(cell, name)
     if entry is None:
         return Entry()
@@ -121,7 +128,16 @@ def _metric(cell: CellResult, name: str) -> Entry:
     if math.isnan(entry.value):
         return Entry(UNDEFINED)
     note = "within the noise" if entry.below_floor else _interval(entry, word)
-    return Entry(word(entry.value) + unit, note, _order(entry.value))
+    lost = _furnace(entry, scene) if name == "energy_ratio" and scene is not None else ""
+    return Entry(word(entry.value) + unit, lost or note, _order(entry.value), title=note if lost else "")
+
+
+def _furnace(ratio: Score, scene: SceneResult) -> str:
+    """Say what a method loses or gains under constant light, where that is surely more than `FURNACE`."""
+    surely = ratio.low > 1 + FURNACE or ratio.high < 1 - FURNACE
+    if scene.specs.get("light", {}).get("kind") != "constant" or not surely:
+        return ""
+    return f"furnace {ratio.value:.4f}: {'loses' if ratio.value < 1 else 'gains'} {percent(abs(1 - ratio.value))}"
 
 
 def _also(cell: CellResult) -> str:
@@ -148,12 +164,13 @@ def _interval(entry: Score, word: Callable[[float], str]) -> str:
     return between(word(entry.low), word(entry.high)) if known else ""
 
 
-def _predicted(cell: CellResult) -> Entry:
+def _predicted(cell: CellResult, scene: SceneResult | None) -> Entry:
     known = {theory: math.sqrt(error) for theory, error in cell.predictions.items() if error >= 0}
     if not known:
         return Entry()
     first = next(iter(known.values()))
-    return Entry(percent(first), order=_order(first), title="; ".join(f"{t}: {percent(e)}" for t, e in known.items()))
+    title = "; ".join(f"{theory}: {percent(error)}" for theory, error in known.items())
+    return Entry(percent(first), exception(cell, scene), _order(first), title, kind="remark")
 
 
 def _phase(cell: CellResult, phase: Phase) -> Entry:
@@ -163,6 +180,7 @@ def _phase(cell: CellResult, phase: Phase) -> Entry:
     fast, slow = entry.spread
     note = between(seconds(fast), seconds(slow)) if entry.rounds else "first call"
     title = f"first call (compilation included) {seconds(entry.first)}; {len(entry.rounds)} rounds"
+    title += "; measured on an earlier scene of this material and shape" if entry.shared else ""
     return Entry(seconds(entry.median), note, _order(entry.median), title)
 
 

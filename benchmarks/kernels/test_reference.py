@@ -9,13 +9,14 @@ import numpy as np
 
 from data_gen import environments, materials, views
 from data_gen.mitsuba_bsdf import bsdf
+from data_gen.mitsuba_estimator import SAMPLER
 from data_gen.mitsuba_light import emitter
 from envbench import llvm
 from envbench.geometry import Geometry
 from envbench.reference import ReferenceSettings
 from envbench.scene import Scene
 from references import reference
-from references.mitsuba_direct import SAMPLER, Estimator
+from references.mitsuba_direct import estimator_for
 
 Against = Callable[..., float]
 
@@ -46,7 +47,7 @@ def test_reference_to_a_floor(benchmark: Any) -> None:
 def test_samples_beside_mitsubas_direct(against: Against) -> None:
     """1,024 samples at each of 4096 queries, against Mitsuba's own `direct` on rays that meet a sphere there."""
     made = scene()
-    estimator = Estimator(made, "llvm_ad_rgb")
+    estimator = estimator_for(made, "llvm_ad_rgb")
     mi = llvm.mitsuba()
     parts = {"type": "scene", "light": emitter(made.environment)}
     sphere = {"type": "sphere", "bsdf": bsdf(made.material)}
@@ -70,4 +71,6 @@ def test_samples_beside_mitsubas_direct(against: Against) -> None:
         dr.sync_thread()
 
     seed = np.random.SeedSequence(0)
-    against(lambda: estimator.replicate(SAMPLES, seed), peer, "Mitsuba's direct, with its visibility rays", rounds=7)
+    against(
+        lambda: estimator.replicate(points, SAMPLES, seed), peer, "Mitsuba's direct, with its visibility rays", rounds=7
+    )

@@ -13,7 +13,7 @@ import numpy as np
 from data_gen.environments import parameters
 from data_gen.environments.daylight import sunsky
 from data_gen.environments.files import read
-from data_gen.environments.generated import band_limited, constant, lamps
+from data_gen.environments.generated import band_limited, constant, lamps, noise, pixel
 from data_gen.environments.interior import hall
 from data_gen.environments.layouts import Layout
 from data_gen.environments.resample import downsampled
@@ -56,6 +56,8 @@ KINDS: Mapping[str, Callable[..., Environment]] = {
     "captured": captured,
     "file": file,
     "constant": constant,
+    "pixel": pixel,
+    "noise": noise,
     "lamps": lamps,
     "band-limited": band_limited,
     "hall": hall,
@@ -68,6 +70,8 @@ LIGHTS: dict[str, dict[str, Any]] = {
     "studio": {"kind": "captured", "name": "studio"},
     "workshop": {"kind": "captured", "name": "workshop"},
     "constant": {"kind": "constant"},
+    "pixel": {"kind": "pixel", "row": 20, "column": 30},
+    "noise": {"kind": "noise"},
     "lamps": {"kind": "lamps"},
     "band-limited": {"kind": "band-limited"},
     "hall": {"kind": "hall"},

@@ -1,4 +1,4 @@
-"""Lights with a formula: constant, spherical Gaussian lamps, random band-limited."""
+"""Lights with a formula: constant, one pixel, noise, spherical Gaussian lamps, random band-limited."""
 
 from __future__ import annotations
 
@@ -19,6 +19,30 @@ def constant(*, radiance: Any = 1.0, size: int = 16) -> Environment:
     height = p.integer("constant", "size", size, 2, p.MAX_ROWS)
     values = np.broadcast_to(p.colour("constant", "radiance", radiance), (height, 2 * height, 3))
     return Environment("constant", values.astype(np.float32))
+
+
+def pixel(*, row: int = 0, column: int = 0, radiance: Any = 1e8, size: int = 64) -> Environment:
+    """Return black with one lit pixel of a map of `size` rows: a tent, from zero to zero over two pixels each way."""
+    height = p.integer("pixel", "size", size, 2, p.MAX_ROWS)
+    row = p.integer("pixel", "row", row, 0, height - 1)
+    column = p.integer("pixel", "column", column, 0, 2 * height - 1)
+    values = np.zeros((height, 2 * height, 3), np.float32)
+    values[row, column] = p.colour("pixel", "radiance", radiance)
+    return Environment("pixel", values)
+
+
+def noise(*, size: int | Sequence[int] = 64, seed: int = 0) -> Environment:
+    """Return independent pixels, uniform in [0, 1): detail to the last; `size` is rows, or [columns, rows]."""
+    match size:
+        case [width, height]:
+            pass
+        case int():
+            width, height = 2 * size, size
+        case _:
+            raise BadInput(f"The 'size' of light 'noise' must be an int or [columns, rows]. Got {size!r} instead.")
+    shape = (p.integer("noise", "size", height, 2, p.MAX_ROWS), p.integer("noise", "size", width, 4, 2 * p.MAX_ROWS), 3)
+    rng = np.random.default_rng(p.integer("noise", "seed", seed, 0, 2**63))
+    return Environment("noise", rng.random(shape, np.float32))
 
 
 def lamps(

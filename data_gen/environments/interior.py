@@ -29,7 +29,7 @@ def hall(*, windows: int = 4, contrast: float = 1e4, size: int = 128) -> Environ
     """
     height = p.integer("hall", "size", size, 8, 2048)
     panes = p.integer("hall", "windows", windows, 1, 8)
-    contrast = p.number("hall", "contrast", contrast, 10, 1e8)
+    contrast = p.number("hall", "contrast", contrast, 10, 1e9)
     offsets = (np.arange(_FINE) + 0.5) / _FINE
     phi = 2 * np.pi * (np.arange(2 * height)[:, None] + offsets) / (2 * height)
     radiance = np.empty((height, 2 * height, 3), np.float32)

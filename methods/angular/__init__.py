@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import degrees, exp, pi
+from math import degrees, pi
 from typing import Any, Self
 
 import numpy as np
@@ -17,8 +17,9 @@ from envbench.geometry import Geometry, Points
 from envbench.material import Centre, Lobe, Material
 from envbench.method import Method, Tolerance
 from envbench.scene import Scene
+from methods.angular import losses
 from methods.angular.lookup import look_up
-from methods.angular.prefilter import prefilter
+from methods.angular.prefilter import prefilter, widest_view, width
 
 MAX_BYTES = 2**31
 """Of one lobe's maps."""
@@ -39,7 +40,9 @@ class Angular(Method):
     A lobe that is radially symmetric about its central direction needs one map B(alpha, beta); any other needs T x T
     maps B(alpha, beta, theta_o, phi_o) over view directions in the frame of the central direction. The light's texels
     count as point samples with their solid angles, and what lies outside the cone is lost, not made up for: both are
-    the method's own error. The work falls with the cone's solid angle, as 1 / s for a Phong lobe.
+    the method's own error. The work falls with the cone's solid angle, as 1 / s for a Phong lobe, until the lobe is as
+    narrow as the light's texels: then these are sampled more finely, between each other bilinear. A lobe narrower than
+    the map's texels sees light reduced to the map's own rows, so that no lamp falls between two of its samples.
 
     Attributes
     ----------
@@ -91,11 +94,11 @@ class Angular(Method):
 
     def relight(self, prepared: tuple[Lobe, ...], environment: Environment) -> tuple[ReflectionMaps, ...]:
         """Sum every texel of every map."""
-        if self.light_rows:
-            environment = downsampled(environment, self.light_rows)
         shape = (self.rows, 2 * self.rows)
         return tuple(
-            ReflectionMaps(lobe, prefilter(environment.radiance, lobe, shape, self.eps, self._views(lobe)))
+            ReflectionMaps(
+                lobe, prefilter(self._light(environment, lobe).radiance, lobe, shape, self.eps, self._views(lobe))
+            )
             for lobe in prepared
         )
 
@@ -116,31 +119,36 @@ class Angular(Method):
         return out
 
     def tolerance(self, prepared: tuple[Lobe, ...]) -> Tolerance:
-        """Allow for the grids, w the narrowest lobe's width (the cone that holds all but 1 / e of it).
+        """Allow for the grids.
 
-        Constant light: the cone loses eps; point samples meet a jump (a clipped lobe) to within half a texel's strip of
-        the lobe, at most h_L / (2 w); and a lobe that sinks below the horizon, about erfc((pi - theta_o) / (2 w)) / 2,
-        has second derivatives below 1 / (8 w^2), of which interpolation leaves h^2 / 8, and at most a half. Rotation:
-        the same, and h^2 / 8 of second derivatives over the map (4: light that varies over half a radian, as that of
-        `envbench.laws`) and over phi_o (1).
+        Constant light: what prefiltering loses, and what interpolation between T views gets wrong of a lobe's integral,
+        a mean over views of which few queries may show twice. Rotation: the same, and h^2 / 8 of second derivatives
+        over the map (4: light that varies over half a radian, as that of `envbench.laws`) and over phi_o (1).
         """
-        width = min(lobe.cone(exp(-1)) for lobe in prepared)
-        constant = self.eps + pi / (self.light_rows or 64) / (2 * width)
-        rotation = 4 * (pi / self.rows) ** 2 / 8
+        constant, rotation = 0.0, 4 * (pi / self.rows) ** 2 / 8
+        shares = losses.shares([((lobe,), lobe.centre) for lobe in prepared])
+        for lobe, share in zip(prepared, shares, strict=True):
+            lost = losses.of_prefiltering(lobe, self.eps, self.light_rows)
+            if self._views(lobe) > 1:
+                lost += 2 * losses.between_views(lobe, widest_view(lobe.centre), self.directions)
+            constant += share * lost
         if max(map(self._views, prepared)) > 1:
-            constant += min((pi / (self.directions - 1) / width) ** 2 / 64, 0.5)
             rotation += (2 * pi / self.directions) ** 2 / 8
         return Tolerance(constant_light=constant, rotation=constant + rotation)
 
     @classmethod
     def sweep(cls) -> Sequence[Self]:
         return [
-            cls(light_rows=16, rows=16, directions=6, eps=0.03),
+            cls(light_rows=16, rows=16, directions=8, eps=0.03),
             cls(light_rows=32, rows=32, directions=8, eps=0.01),
             cls(light_rows=64, rows=40, directions=12, eps=0.003),
             cls(light_rows=64, rows=56, directions=16, eps=0.001),
             cls(light_rows=128, rows=128, directions=4, eps=0.001),
         ]
+
+    def _light(self, environment: Environment, lobe: Lobe) -> Environment:
+        rows = self.light_rows or environment.radiance.shape[0]
+        return downsampled(environment, min(rows, self.rows) if width(lobe) < pi / self.rows else rows)
 
     def _views(self, lobe: Lobe) -> int:
         return 1 if lobe.radially_symmetric else self.directions

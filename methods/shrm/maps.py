@@ -21,25 +21,26 @@ from envbench import harmonics
 from envbench.directions import to_local
 from methods.shrm import lookup
 from methods.shrm.coefficients import LobeCoefficients
+from methods.shrm.legendre import reduced
 
 Array = NDArray[np.float64]
 
 
-def terms(P: int, F: int) -> Iterator[tuple[int, int, int]]:
-    """Yield (p, q, plane): the terms q >= 0 of an order-P map and the first of the planes that each fills."""
+def terms(P: int, F: int, Q: int) -> Iterator[tuple[int, int, int]]:
+    """Yield (p, q, plane): the terms 0 <= q <= Q of an order-P map and the first of the planes that each fills."""
     plane = 0
     for p in range(P + 1):
-        for q in range(min(p, F) + 1):
+        for q in range(min(p, F, Q) + 1):
             yield p, q, plane
             plane += 1 if q == 0 else 2
 
 
-def planes(P: int, F: int) -> int:
-    """Return the number of planes: (P + 1)^2 where F >= P."""
-    return sum(1 if q == 0 else 2 for _, q, _ in terms(P, F))
+def planes(P: int, F: int, Q: int) -> int:
+    """Return the number of planes: (P + 1)^2 where F >= P and Q >= P, P + 1 where Q = 0."""
+    return sum(1 if q == 0 else 2 for _, q, _ in terms(P, F, Q))
 
 
-def synthesise(lobe: LobeCoefficients, light: harmonics.Coefficients, rows: int) -> Array:
+def synthesise(lobe: LobeCoefficients, light: harmonics.Coefficients, rows: int) -> NDArray[np.floating]:
     """Return the planes of all maps of a lobe.
 
     Parameters
@@ -54,19 +55,37 @@ def synthesise(lobe: LobeCoefficients, light: harmonics.Coefficients, rows: int)
     (3, planes, S, 2 S)
     """
     F = lobe.F
-    out = np.empty((3, planes(lobe.P, F), rows, 2 * rows), light.real.dtype)
-    l, _ = harmonics.degrees(F)
-    scale = np.ones(F + 1) if lobe.radial else np.sqrt(4 * np.pi / (2 * np.arange(F + 1) + 1))
-    rho = np.broadcast_to(lobe.rho, (3, *lobe.rho.shape[1:])) * lobe.reflectance[:, None, None, None]
+    out = np.empty((3, planes(lobe.P, F, lobe.Q), rows, 2 * rows), light.real.dtype)
+    alm = products(lobe, light)
 
     def one(job: tuple[int, int, int, int]) -> None:
-        channel, p, q, plane = job
-        alm = (light[channel] * (scale * rho[channel, :, p, q])[l].astype(out.dtype))[None]
-        harmonics.synthesise(alm, q, F, out[channel, plane : plane + (1 if q == 0 else 2)])
+        channel, term, q, plane = job
+        first = alm[channel, term : term + 1]
+        harmonics.synthesise(first, q, F, out[channel, plane : plane + (1 if q == 0 else 2)])
 
-    jobs = [(c, *term) for c in range(3) for term in terms(lobe.P, F)]
+    jobs = [(c, i, q, plane) for c in range(3) for i, (_, q, plane) in enumerate(terms(lobe.P, F, lobe.Q))]
     with ThreadPoolExecutor(harmonics.threads()) as pool:  # ducc0 lets go of the interpreter's lock
         list(pool.map(one, jobs))
+    return out
+
+
+def products(lobe: LobeCoefficients, light: harmonics.Coefficients) -> harmonics.Coefficients:
+    """Return the coefficients of every term of `terms` as `harmonics.synthesise` takes them: (3, terms, n)."""
+    l, _ = harmonics.degrees(lobe.F)
+    scale = np.ones(lobe.F + 1) if lobe.radial else np.sqrt(4 * np.pi / (2 * np.arange(lobe.F + 1) + 1))
+    p, q, _ = np.array(list(terms(lobe.P, lobe.F, lobe.Q))).T
+    rho = (lobe.rho * scale[:, None, None])[:, :, p, q] * lobe.reflectance[:, None, None]  # (3, F + 1, terms)
+    return light[:, None] * np.moveaxis(rho, 1, 2)[..., l].astype(light.real.dtype)
+
+
+def at(
+    lobe: LobeCoefficients, alm: harmonics.Coefficients, where: NDArray[np.float64], accuracy: float
+) -> NDArray[np.floating]:
+    """Return what all planes hold at central directions (k, 2) of (theta, phi), summed there: shape (3, planes, k)."""
+    out = np.empty((3, planes(lobe.P, lobe.F, lobe.Q), len(where)), alm.real.dtype)
+    for i, (_, q, plane) in enumerate(terms(lobe.P, lobe.F, lobe.Q)):
+        found = harmonics.synthesise_at(alm[:, i], lobe.F, where, accuracy, q)
+        out[:, plane : plane + (1 if q == 0 else 2)] = found.reshape(3, -1, len(where))
     return out
 
 
@@ -76,7 +95,7 @@ def read(lobe: LobeCoefficients, stored: NDArray[np.floating], centre: Array, vi
     even, odd = lookup.matrices(centre, rows, columns)
     out = np.zeros((len(centre), 3))
     weights = basis(lobe, to_local(view, centre))
-    for _, q, first in terms(lobe.P, lobe.F):
+    for _, q, first in terms(lobe.P, lobe.F, lobe.Q):
         for plane in (first,) if q == 0 else (first, first + 1):
             for channel in range(3):
                 out[:, channel] += (odd if q % 2 else even) @ stored[channel, plane].reshape(-1) * weights[plane]
@@ -84,27 +103,16 @@ def read(lobe: LobeCoefficients, stored: NDArray[np.floating], centre: Array, vi
 
 
 def basis(lobe: LobeCoefficients, local_view: Array) -> Array:
-    """Return what multiplies each plane at a view (n, 3) in the frame of the lobe's centre: shape (planes, n).
-
-    Y_pq = a_pq(z) (x + i y)^q, with a_pq by the usual recurrence of normalised Legendre functions over p: no angle is
-    needed, and no care at the poles.
-    """
+    """Return what multiplies each plane at a view (n, 3) in the frame of the lobe's centre: shape (planes, n)."""
     if lobe.radial:
         return np.ones((1, len(local_view)))
     x, y, z = local_view.T
-    turn = [np.ones_like(x) + 0j]
-    a: dict[tuple[int, int], Array | float] = {(0, 0): np.sqrt(1 / (4 * np.pi))}
-    for q in range(min(lobe.P, lobe.F) + 1):
-        if q:
-            turn.append(turn[-1] * (x + 1j * y))
-            a[q, q] = -np.sqrt((2 * q + 1) / (2 * q)) * a[q - 1, q - 1]
-        for p in range(q + 1, lobe.P + 1):
-            below = np.sqrt(((p - 1) ** 2 - q**2) / (4 * (p - 1) ** 2 - 1)) * a[p - 2, q] if p > q + 1 else 0.0
-            a[p, q] = np.sqrt((4 * p**2 - 1) / (p**2 - q**2)) * (z * a[p - 1, q] - below)
-    out = np.empty((planes(lobe.P, lobe.F), len(local_view)))
-    for p, q, plane in terms(lobe.P, lobe.F):
+    a = reduced(lobe.P, min(lobe.P, lobe.F, lobe.Q), z)
+    turn = (x + 1j * y) ** np.arange(len(a))[:, None]
+    out = np.empty((planes(lobe.P, lobe.F, lobe.Q), len(local_view)))
+    for p, q, plane in terms(lobe.P, lobe.F, lobe.Q):
         if q == 0:
-            out[plane] = a[p, 0]
+            out[plane] = a[0, p]
         else:
-            out[plane], out[plane + 1] = -2 * a[p, q] * turn[q].real, -2 * a[p, q] * turn[q].imag
+            out[plane], out[plane + 1] = -2 * a[q, p] * turn[q].real, -2 * a[q, p] * turn[q].imag
     return out

@@ -2,26 +2,28 @@
 (() => {
   const data = JSON.parse(document.getElementById("data").textContent);
   const all = (selector, root = document) => [...root.querySelectorAll(selector)];
-  const fields = ["light", "material", "geometry", "view"];
+  const fields = ["light", "material", "geometry", "view", "knob", "setting"];
 
-  // Summary table: a heading sorts, the controls filter, a row shows its scene.
+  // Tables: a heading sorts. In the summary the controls filter, and a row shows its scene.
   const rows = all("#cells tbody tr");
-  function sort(heading) {
+  function sort(table, heading) {
     const column = heading.cellIndex;
     const descending = heading.getAttribute("aria-sort") === "ascending";
-    all("#cells th").forEach((other) => other.removeAttribute("aria-sort"));
+    all("thead th", table).forEach((other) => other.removeAttribute("aria-sort"));
     heading.setAttribute("aria-sort", descending ? "descending" : "ascending");
     const key = (row) => row.cells[column].dataset.order;
     const number = heading.classList.contains("n");
     const compare = (a, b) => (number ? a - b : a.localeCompare(b, undefined, { numeric: true }));
-    rows.sort((a, b) => {
+    const sorted = all("tbody tr", table).sort((a, b) => {
       const [x, y] = [key(a), key(b)];
       if (x === undefined || y === undefined) return (x === undefined) - (y === undefined);
       return descending ? compare(y, x) : compare(x, y);
     });
-    document.querySelector("#cells tbody").append(...rows);
+    table.tBodies[0].append(...sorted);
   }
-  all("#cells th").forEach((heading) => heading.addEventListener("click", () => sort(heading)));
+  for (const table of all("table.sortable"))
+    for (const button of all("thead button", table))
+      button.parentElement.addEventListener("click", () => sort(table, button.parentElement));
 
   const filters = document.getElementById("filters");
   if (filters) {

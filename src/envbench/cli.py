@@ -99,16 +99,27 @@ def list_(
 
 @app.command()
 def show(
-    run: Run = "latest",
+    what: Annotated[
+        list[str] | None,
+        typer.Argument(metavar="[RUN | material NAME]", help="A run (default: latest), or a material."),
+    ] = None,
     out: Out = Path("results"),
+    root: Root = None,
     scene: Annotated[list[str] | None, typer.Option(help="Only this scene (may be repeated).")] = None,
     metric: Annotated[list[str] | None, typer.Option(help="This metric (may be repeated).")] = None,
+    plot: Annotated[Path | None, typer.Option(metavar="FILE", help="Write a material's lobe plot as HTML.")] = None,
 ) -> None:
-    """Show a run's cells: accuracy with its interval, time, memory, status."""
+    """Show a run's cells with the verdicts of its hard cases, or what is known of a material."""
     from envbench import session, show
 
-    with session.opened(out) as store:
-        show.table(store, run, scenes=tuple(scene or ()), metrics=tuple(metric or ("nrmse", "energy_ratio")))
+    match what or ["latest"]:
+        case ["material", name]:
+            show.material(name, root, plot)
+        case [run] if run != "material" and plot is None:
+            with session.opened(out) as store:
+                show.table(store, run, scenes=tuple(scene or ()), metrics=tuple(metric or ("nrmse", "energy_ratio")))
+        case words:
+            raise BadInput(f"show takes a run, or 'material NAME' (which --plot belongs to). Got {words} instead.")
 
 
 @app.command()

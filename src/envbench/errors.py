@@ -5,6 +5,9 @@ from __future__ import annotations
 import difflib
 from collections.abc import Iterable
 
+_LISTED = 24
+"""Most names that one line lists; of more, the nearest."""
+
 
 class BadInput(ValueError):
     """What the user gave cannot be used: one line naming the thing, the value and the remedy (exit code 2)."""
@@ -29,4 +32,6 @@ def unknown(kind: str, name: str, known: Iterable[str]) -> BadInput:
     known = sorted(known)
     near = difflib.get_close_matches(name, known, n=1)
     hint = f"did you mean '{near[0]}'? " if near else ""
-    return BadInput(f"unknown {kind} '{name}': {hint}Known: {', '.join(known) or 'none'}.")
+    listed = difflib.get_close_matches(name, known, n=_LISTED, cutoff=0.0) if len(known) > _LISTED else known
+    rest = f" and {len(known) - len(listed)} more" if len(known) > len(listed) else ""
+    return BadInput(f"unknown {kind} '{name}': {hint}Known: {', '.join(listed) or 'none'}{rest}.")

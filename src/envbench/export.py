@@ -81,14 +81,15 @@ def columns() -> dict[str, type]:
     }
 
 
-_SCENE_TEXT = ("scene", "light", "material", "geometry", "view", "effects", "reference_key")
+_SCENE_TEXT = ("scene", "light", "material", "geometry", "view", "knob", "setting", "effects", "reference_key")
 
 
 def _row(run: RunInfo, scene: SceneResult | None, cell: CellResult) -> Row:
     row: Row = dict.fromkeys(columns())
     row |= {"run": run.id, "suite": run.suite, "started": run.started, "scene": cell.scene}
     if scene is not None:
-        row |= {name: getattr(scene, name) for name in ("light", "material", "geometry", "view", "points")}
+        named = ("light", "material", "geometry", "view", "points")
+        row |= {name: getattr(scene, name) for name in (*named, *(("knob", "setting") if scene.knob else ()))}
         row |= {"effects": "; ".join(scene.effects), "reference_s": scene.reference_seconds}
         kept = ("key", "samples", "replicates", "floor", "rms")
         row |= {f"reference_{name}": getattr(scene, f"reference_{name}") for name in kept}

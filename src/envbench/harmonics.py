@@ -7,7 +7,6 @@ Coefficients L_lm of a real function are kept for m >= 0 only, m-major as ducc0 
 from __future__ import annotations
 
 import os
-from concurrent.futures import ThreadPoolExecutor
 from functools import lru_cache
 from typing import Any
 
@@ -17,15 +16,13 @@ from numpy.typing import NDArray
 from envbench import latlong
 from envbench.errors import BadInput
 
-Coefficients = NDArray[np.complex128]
+Coefficients = NDArray[np.complexfloating]
 
 # What turns samples of a piecewise linear function into its integral against a smooth one: hat functions of step d
 # have the spectrum sinc^2(k d / 2) = 1 - x^2/12 + x^4/360 - ..., x = k d; these five taps agree through x^4.
 HAT_TAPS = (-1 / 240, 1 / 10, 97 / 120, 1 / 10, -1 / 240)
 HAT_LIMIT = 1.5
 """The largest x = F pi / H that the taps are used for: they err by x^6 / 7560, 1.5e-3 at degree F and 2e-5 at F / 2."""
-
-_BLOCK_VALUES = 1 << 16
 
 
 def threads() -> int:
@@ -73,21 +70,21 @@ def analyse(samples: NDArray[np.floating], order: int, smooth_beyond: int | None
         raise BadInput(f"the order of an expansion must be >= 0. Got {order} instead.")
     samples = _refined(samples, order, order if smooth_beyond is None else smooth_beyond)
     height, width, channels = samples.shape
-    _, m = degrees(order)
     # Fejer's rule on all rows: ducc0's analysis first resamples to the order's own rows, and so lets detail of the
     # light leak into low degrees (measured: 4 % of the result for Phong s = 8, F = 9, under a captured sun)
     weights = ducc0.sht.get_gridweights("F1", height) / width
-    hat = (np.sinc(np.arange(order + 1) / width) ** 2)[m]  # between columns: exact, for a ring is one period
-    planes = _hat_filtered(samples)
-    complex_type = np.complex64 if planes.dtype == np.float32 else np.complex128
-    out = np.empty((channels, len(m)), complex_type)
-    for c in range(channels):
-        ducc0.sht.adjoint_synthesis_2d(
-            map=planes[c : c + 1], alm=out[c : c + 1], spin=0, lmax=order, geometry="F1", phi0=np.pi / width,
-            ringfactor=weights, nthreads=threads(),
-        )  # fmt: skip
-    out *= hat.astype(planes.dtype)
-    return out
+    interleaved = samples if samples.flags.c_contiguous else np.ascontiguousarray(samples)
+    by_row = ducc0.sht.map2leg(
+        map=interleaved.reshape(-1, channels).T, mmax=order, nthreads=threads(),
+        nphi=np.full(height, width, np.uint64), phi0=np.full(height, np.pi / width),
+        ringstart=np.arange(height, dtype=np.uint64) * width,
+    )  # fmt: skip
+    m = np.arange(order + 1)
+    by_row = _hat_filtered(by_row, weights, np.sinc(m / width) ** 2)  # between columns exact: a ring is one period
+    theta, _ = latlong.angles(height, width)
+    return np.concatenate([
+        ducc0.sht.leg2alm(leg=by_row[c : c + 1], lmax=order, theta=theta, nthreads=threads()) for c in range(channels)
+    ])  # fmt: skip
 
 
 def truncate(alm: Coefficients, order: int, lower: int) -> Coefficients:
@@ -116,13 +113,29 @@ def synthesise(alm: Coefficients, spin: int, order: int, out: NDArray[np.floatin
     )  # fmt: skip
 
 
-def synthesise_at(alm: Coefficients, order: int, theta_phi: NDArray[np.float64], accuracy: float) -> NDArray[Any]:
-    """Return the real functions with coefficients `alm` (C, n) at directions (k, 2) of (theta, phi): shape (C, k)."""
+def synthesise_at(
+    alm: Coefficients, order: int, theta_phi: NDArray[np.float64], accuracy: float, spin: int = 0
+) -> NDArray[Any]:
+    """Evaluate functions at scattered directions.
+
+    Parameters
+    ----------
+    alm : (C, n) complex
+        As `synthesise` takes them, one function each.
+    theta_phi : (k, 2)
+    accuracy : float
+        What the result may err by, relative to its RMS; ducc0 wants at least 1e-6 in single precision.
+
+    Returns
+    -------
+    (C, k) for spin 0, else (2 C, k): Q and U of each in turn
+    """
     import ducc0
 
     return np.concatenate([
         ducc0.sht.synthesis_general(
-            alm=alm[c : c + 1], spin=0, lmax=order, loc=theta_phi, epsilon=accuracy, nthreads=threads()
+            alm=alm[c : c + 1], spin=spin, lmax=order, loc=theta_phi, epsilon=accuracy, nthreads=threads(),
+            mode="STANDARD" if spin == 0 else "GRAD_ONLY",
         )
         for c in range(len(alm))
     ])  # fmt: skip
@@ -141,29 +154,15 @@ def _refined(samples: NDArray[Any], order: int, significant: int) -> NDArray[Any
     return fine.astype(samples.dtype)
 
 
-def _hat_filtered(samples: NDArray[Any]) -> NDArray[Any]:
-    """Apply `HAT_TAPS` along theta, and lay the channels out as planes (C, H, W).
+def _hat_filtered(by_row: Coefficients, weights: NDArray[np.float64], columns: NDArray[np.float64]) -> Coefficients:
+    """Apply `HAT_TAPS` along theta to f_m(theta), (C, H, F + 1), then each row's weight and each m's factor.
 
-    Beyond a pole a row meets its half-turned self. A few rows at a time stay in the processor's cache.
+    Beyond a pole a row meets its half-turned self, which multiplies f_m by (-1)^m.
     """
-    rows, width, channels = samples.shape
-    edges = samples[[1, 0, -1, -2]]
-    turned = np.roll(edges, width // 2, axis=1)
-    if width % 2:  # the half turn falls between two columns
-        turned = (turned + np.roll(edges, width // 2 + 1, axis=1)) / 2
-    c, b, a = (samples.dtype.type(tap) for tap in HAT_TAPS[:3])
-    planes = np.empty((channels, rows, width), samples.dtype)
-    step = max(_BLOCK_VALUES // (width * channels), 1)
-
-    def filtered(start: int) -> None:
-        stop = min(start + step, rows)
-        above, below = turned[:2][2 - max(2 - start, 0) :], turned[2:][: max(stop + 2 - rows, 0)]
-        block = samples[max(start - 2, 0) : stop + 2]
-        if len(above) or len(below):
-            block = np.concatenate([above, block, below])
-        smooth = a * block[2:-2] + b * (block[1:-3] + block[3:-1]) + c * (block[:-4] + block[4:])
-        planes[:, start:stop] = np.moveaxis(smooth, -1, 0)
-
-    with ThreadPoolExecutor(threads()) as pool:
-        list(pool.map(filtered, range(0, rows, step)))
-    return planes
+    sign = np.where(np.arange(by_row.shape[2]) % 2, -1, 1).astype(by_row.real.dtype)
+    above, below = sign * by_row[:, 1::-1], sign * by_row[:, :-3:-1]
+    padded = np.concatenate([above, by_row, below], axis=1)
+    c, b, a = (by_row.real.dtype.type(tap) for tap in HAT_TAPS[:3])
+    out = a * padded[:, 2:-2] + b * (padded[:, 1:-3] + padded[:, 3:-1]) + c * (padded[:, :-4] + padded[:, 4:])
+    out *= (weights[:, None] * columns).astype(sign.dtype)
+    return out

@@ -9,7 +9,7 @@ from typing import Any
 
 from envbench import root, suite
 from envbench.errors import BadInput, unknown
-from envbench.plan import expand
+from envbench.grids import expand, steps
 from envbench.root import Workbench
 from envbench.settings import plain
 from envbench.show import console
@@ -58,6 +58,7 @@ def scenes(bench: Workbench) -> Rows:
         try:
             read = suite.read(path)
             rows += [(spec.name, name) for grid in read.scenes for spec in expand(grid, read, bench)]
+            rows += [(spec.name, name) for knob in read.knobs for spec in steps(knob, read, bench)]
         except BadInput as error:
             rows.append((f"cannot be read: {error}", name))
     return rows

@@ -8,6 +8,7 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import cached_property
+from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
@@ -63,8 +64,12 @@ class Lobe(ABC):
 
     @property
     def key(self) -> str:
-        """Content address: parameters and source code. A lobe that holds arrays adds their digest."""
-        return repr(self) + inspect.getsource(inspect.getmodule(type(self)) or type(self))
+        """Content address: parameters and source code (of the folder, for lobes share formulae).
+
+        A lobe that holds arrays shows their digest in its `repr`.
+        """
+        folder = Path(inspect.getfile(type(self))).parent
+        return repr(self) + "\0".join(path.read_text(encoding="utf-8") for path in sorted(folder.glob("*.py")))
 
     @abstractmethod
     def profile(self, light: Any, view: Any, centre: Any, normal: Any) -> tuple[Any, ...]:

@@ -5,7 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from envbench.plan import CellSpec, SceneSpec
+from envbench.catalogue import Spec
+from envbench.grids import SceneSpec
+from envbench.plan import CellSpec
 from envbench.records import Status
 from envbench.reference import ReferenceSettings
 
@@ -49,7 +51,15 @@ class Round:
     cell: CellSpec
 
 
-Request = MakeReference | FirstPass | Round
+@dataclass(frozen=True)
+class MakeSheet:
+    """Asks what is known of a material by itself; answered by a `MaterialSheet`."""
+
+    name: str
+    material: Spec
+
+
+Request = MakeReference | FirstPass | Round | MakeSheet
 
 
 @dataclass(frozen=True)

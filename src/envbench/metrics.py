@@ -191,6 +191,16 @@ def _max_error(case: Comparison) -> Score:
     return Score("max_error", float(error[at] / np.sqrt(case.power.value)), below_floor=noise)
 
 
+def _worst_view(case: Comparison) -> Score:
+    error = np.mean((case.values - case.reference.mean) ** 2, axis=1)
+    noise = np.mean(case.reference.standard_error**2, axis=1)
+    at = int(np.argmax(error - noise))
+    # As for max_error: that the largest of n is no chance needs Bonferroni's bound.
+    bound = t_quantile(1 - 0.025 / error.size, len(case.reference.replicates) - 1) ** 2
+    value = math.sqrt(max(float(error[at] - noise[at]), 0.0) / case.power.value)
+    return Score("worst_view", value, below_floor=bool(error[at] <= bound * noise[at]))
+
+
 def _psnr(case: Comparison) -> Score:
     # scikit-image's, without its import: that brings all of scipy.stats, over a second in each new worker.
     truth, shown = case.shown
@@ -230,6 +240,11 @@ METRICS: dict[str, Metric] = {
         Metric(
             "max_error", "maximum error", "max |b - r| / sqrt(<r^2 - s^2/K>), over points and channels",
             Direction.LOWER, "", _max_error,
+        ),
+        Metric(
+            "worst_view", "worst view",
+            "max over points of sqrt(max([(b - r)^2 - s^2/K], 0) / <r^2 - s^2/K>), [x] the mean over channels",
+            Direction.LOWER, "", _worst_view,
         ),
         Metric(
             "ssim", "SSIM",

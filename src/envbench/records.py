@@ -41,6 +41,8 @@ class Timing:
     phase: Phase
     first: float
     rounds: tuple[float, ...] = ()
+    shared: bool = False
+    """Measured on an earlier scene of the same asset: `prepare` is paid once for all of them."""
 
     @property
     def median(self) -> float:
@@ -126,6 +128,8 @@ class SceneResult:
     step: int = 0
     setting: str = ""
     """The knob's value at this step, as text."""
+    position: int = 0
+    """Place in the plan; scenes are carried out in the order that prepares each asset once."""
     image: NDArray[np.float32] | None = None
     """(H, W, 3) reference mean where the points form an image; NaN where there is no point."""
 

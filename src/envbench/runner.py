@@ -4,18 +4,20 @@ from __future__ import annotations
 
 import secrets
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from typing import Any
 
 from envbench import machine
 from envbench.errors import BadInput
-from envbench.messages import Failure, FirstPass, MakeReference, Request, Round
-from envbench.plan import CellSpec, Plan, SceneSpec
+from envbench.grids import SceneSpec
+from envbench.messages import Failure, FirstPass, MakeReference, MakeSheet, Request, Round
+from envbench.plan import CellSpec, Plan
 from envbench.progress import Progress
-from envbench.records import CellResult, Phase, RunInfo, SceneResult
+from envbench.records import CellResult, MaterialSheet, Phase, RunInfo, SceneResult
 from envbench.settings import plain
+from envbench.sheet import missing
 from envbench.store import Store
 from envbench.supervisor import Supervisor
 
@@ -66,23 +68,28 @@ class Runner:
         self.run_id = info.id
         done = self.store.finished_keys(info.id)
         todo = [cell for cell in self.plan.cells if cell.key not in done]
-        if not todo and info.finished is not None:
+        surveyed = {sheet.name for sheet in self.store.sheets(info.id)}
+        survey = {name: spec for name, spec in self.plan.survey.items() if name not in surveyed}
+        if not (todo or survey) and info.finished is not None:
             self.progress.line(f"run {info.id} is finished: nothing to resume.")
             return info
-        self._begin_progress(todo, len(done))
-        for scene in self.plan.scenes:
-            cells = [cell for cell in todo if cell.scene.name == scene.name]
-            if cells:
-                self._scene(scene, cells)
+        self._begin_progress(todo, len(done), len(survey))
+        by_scene: dict[str, list[CellSpec]] = {}
+        for cell in todo:
+            by_scene.setdefault(cell.scene.name, []).append(cell)
+        for scene in self.plan.by_asset:
+            if scene.name in by_scene:
+                self._scene(scene, by_scene[scene.name])
+        self._survey(survey)
         wall = time.time() - began
         self.store.finish(info.id, _now(), wall, max(wall - self.worked, 0.0))
         return self.store.run(info.id)
 
-    def _begin_progress(self, todo: Sequence[CellSpec], done: int) -> None:
+    def _begin_progress(self, todo: Sequence[CellSpec], done: int, sheets: int) -> None:
         scenes = len({cell.scene.name for cell in todo})
         kept = f", {done} finished cells kept" if done else ""
         self.progress.line(f"run {self.run_id}: suite '{self.plan.suite}', {scenes} scenes, {len(todo)} cells{kept}.")
-        self.progress.start(scenes + len(todo) * (1 + self.plan.rounds))
+        self.progress.start(scenes + len(todo) * (1 + self.plan.rounds) + sheets)
 
     def _scene(self, spec: SceneSpec, cells: Sequence[CellSpec]) -> None:
         answer = self._open(spec)
@@ -98,6 +105,23 @@ class Runner:
         self.store.save_scene(self.run_id, scene)
         self.progress.line(_about_reference(scene))
         self._time(self._first_passes(cells))
+
+    def _survey(self, survey: Mapping[str, Any]) -> None:
+        """Store a sheet of each material; one that cannot be had stands there with the reason."""
+        absent: dict[str, list[str]] = {}
+        for name, spec in survey.items():
+            start = time.monotonic()
+            answer: MaterialSheet | Failure = self._ask(MakeSheet(name, spec), self.seconds, f"{name}: sheet")
+            if isinstance(answer, Failure):
+                absent.setdefault(answer.reason, []).append(name)
+                answer = missing(name, spec, answer.reason)
+            else:
+                self.worked += time.monotonic() - start
+            self.store.save_sheet(self.run_id, answer)
+            self.progress.advance(1)
+        for reason, names in absent.items():
+            more = f" and {len(names) - 1} more" if len(names) > 1 else ""
+            self.progress.line(f"note, no sheet of {names[0]}{more}: {reason}")
 
     def _open(self, spec: SceneSpec) -> SceneResult | Failure:
         """Have the worker build a scene and its reference, which after the first time comes from the cache."""
@@ -161,7 +185,7 @@ class Runner:
     def _settle(self, result: CellResult) -> None:
         """Store a finished cell."""
         self.store.save_cell(self.run_id, result)
-        self.worked += sum(sum(t.rounds) + min(t.first, t.median) for t in result.timings)
+        self.worked += sum(sum(t.rounds) + min(t.first, t.median) for t in result.timings if not t.shared)
         self.progress.advance(1 + self.plan.rounds - len(self.calls.get(result.key, ())))
         reason = f": {result.reason}" if result.reason else ""
         self.progress.cell(f"{result.scene}  {result.label}  {result.status.value}{reason}", result.status)
@@ -190,7 +214,11 @@ def resumable(store: Store, plan: Plan) -> RunInfo | None:
 
 def _with_round(result: CellResult, seconds: dict[Phase, float]) -> CellResult:
     timed = {t.phase: t for t in result.timings}
-    timed |= {phase: replace(timed[phase], rounds=(*timed[phase].rounds, s)) for phase, s in seconds.items()}
+    timed |= {
+        phase: replace(timed[phase], rounds=(*timed[phase].rounds, s))
+        for phase, s in seconds.items()
+        if not timed[phase].shared
+    }
     return replace(result, timings=tuple(timed.values()))
 
 
@@ -203,9 +231,10 @@ def _without_reference(spec: SceneSpec, plan: Plan, failure: Failure) -> SceneRe
     nothing = float("nan")
     return SceneResult(
         name=spec.name, light=spec.light, material=spec.material, geometry=spec.geometry, view=spec.view,
-        specs=plain(spec.specs), effects=(), points=0, reference_key="", reference_floor=nothing,
+        specs=plain(spec.meaning), effects=(), points=0, reference_key="", reference_floor=nothing,
         reference_target=plan.reference.floor, reference_samples=0, reference_replicates=0, reference_seconds=0.0,
         reference_from_cache=False, reference_rms=nothing, notes=(failure.reason,),
+        **spec.place(),
     )  # fmt: skip
 
 

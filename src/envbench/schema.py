@@ -137,5 +137,9 @@ MIGRATIONS: list[tuple[str, ...]] = [
         "ALTER TABLE scene ADD COLUMN setting TEXT NOT NULL DEFAULT ''",  # the knob's value at the step
         _MATERIAL,
     ),
+    (  # an asset is prepared once for all its scenes
+        "ALTER TABLE scene ADD COLUMN position INTEGER NOT NULL DEFAULT 0",  # place in the plan
+        "ALTER TABLE timing ADD COLUMN shared INTEGER NOT NULL DEFAULT 0",  # 1: measured on an earlier scene
+    ),
 ]
 """Statements that lead from schema i to schema i + 1."""

@@ -6,11 +6,13 @@ import math
 import sys
 from collections import Counter
 from collections.abc import Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from envbench.errors import unknown
 from envbench.metrics import METRICS
-from envbench.records import CellResult, Phase, RunInfo, Score, Status
+from envbench.records import CellResult, Phase, RunInfo, SceneResult, Score, Status
+from envbench.stability import verdicts
 from envbench.store import Store
 
 if TYPE_CHECKING:
@@ -68,7 +70,33 @@ def table(store: Store, ref: str, *, scenes: Sequence[str] = (), metrics: Sequen
         )
         last = cell.scene
     console().print(grid)
+    if not scenes:
+        _hard_cases(store.scenes(run.id), cells)
     console().print(summary(run, cells), highlight=False)
+
+
+def _hard_cases(scenes: Sequence[SceneResult], cells: Sequence[CellResult]) -> None:
+    from rich.table import Table
+
+    found = verdicts(scenes, cells)
+    if not found:
+        return
+    grid = Table("hard case", "method", "verdict", box=None, header_style="bold")
+    last = ""
+    for verdict in found:
+        settings = ", ".join(f"{k}={v}" for k, v in verdict.settings.items())
+        grid.add_row(verdict.knob if verdict.knob != last else "", f"{verdict.method}({settings})", verdict.text)
+        last = verdict.knob
+    console().print()
+    console().print(grid)
+
+
+def material(name: str, user: Path | None, plot: Path | None) -> None:
+    """Print what is known of a material by itself; raises `BadInput`."""
+    from envbench import root, sheet
+
+    catalogue = root.load(user).catalogue
+    sheet.show(name, catalogue.materials, catalogue.sheet, plot, console())
 
 
 def number(score: Score | None, absolute: Score | None = None) -> str:

@@ -95,7 +95,7 @@ class Store:
             number = self._insert("cell", row)
             for timing in cell.timings:
                 seconds = {"first_seconds": timing.first, "median_seconds": timing.median, "rounds": timing.rounds}
-                self._insert("timing", {"cell_id": number, "phase": timing.phase, **seconds})
+                self._insert("timing", {"cell_id": number, "phase": timing.phase, **seconds, "shared": timing.shared})
             for score in cell.scores:
                 self._insert("score", {"cell_id": number, **{f.name: getattr(score, f.name) for f in fields(score)}})
 
@@ -135,24 +135,31 @@ class Store:
         raise BadInput(f"'{ref}' {what} of {self.path}: say 'latest' or one of {listed}.")
 
     def scenes(self, run_id: str) -> list[SceneResult]:
-        """Return the scenes of a run in the order in which they were saved."""
-        return [_scene(row) for row in self._rows("SELECT * FROM scene WHERE run_id = ? ORDER BY id", run_id)]
+        """Return the scenes of a run in the order of its plan."""
+        return [_scene(row) for row in self._rows("SELECT * FROM scene WHERE run_id = ? ORDER BY position, id", run_id)]
 
     def scene_names(self, run_id: str) -> list[str]:
         """Return the names of `scenes` without reading their images."""
-        return [row["name"] for row in self._rows("SELECT name FROM scene WHERE run_id = ? ORDER BY id", run_id)]
+        names = "SELECT name FROM scene WHERE run_id = ? ORDER BY position, id"
+        return [row["name"] for row in self._rows(names, run_id)]
 
     def cells(self, run_id: str) -> list[CellResult]:
-        """Return the cells of a run in the order in which they were saved."""
+        """Return the cells of a run, by the places of their scenes and then as they were saved."""
         of_run = "SELECT {} FROM {} JOIN cell ON cell.id = cell_id WHERE run_id = ? ORDER BY {}.rowid"
         timings: dict[int, list[Timing]] = {}
         for row in self._rows(of_run.format("timing.*", "timing", "timing"), run_id):
             rounds = tuple(json.loads(row["rounds"]))
-            timings.setdefault(row["cell_id"], []).append(Timing(Phase(row["phase"]), row["first_seconds"], rounds))
+            timing = Timing(Phase(row["phase"]), row["first_seconds"], rounds, bool(row["shared"]))
+            timings.setdefault(row["cell_id"], []).append(timing)
         scores: dict[int, list[Score]] = {}
         for row in self._rows(of_run.format("score.*", "score", "score"), run_id):
             scores.setdefault(row.pop("cell_id"), []).append(_score(row))
-        rows = self._rows("SELECT * FROM cell WHERE run_id = ? ORDER BY id", run_id)
+        rows = self._rows(
+            """SELECT cell.* FROM cell
+               LEFT JOIN scene ON scene.run_id = cell.run_id AND scene.name = cell.scene
+               WHERE cell.run_id = ? ORDER BY scene.id IS NULL, scene.position, cell.id""",
+            run_id,
+        )
         return [_cell(row, tuple(timings.get(row["id"], ())), tuple(scores.get(row["id"], ()))) for row in rows]
 
     def sheets(self, run_id: str) -> list[MaterialSheet]:

@@ -29,12 +29,63 @@ class TimingSettings:
 
 @dataclass(frozen=True)
 class Grid:
-    """Every light with every material, on one geometry seen in one way."""
+    """Every light with every material, on one geometry seen in one way.
+
+    Attributes
+    ----------
+    methods : tuple of str or None
+        Labels of the suite's ``[[methods]]`` that run here; None is all of them.
+    optional : bool
+        Leave out, with a note, the scenes whose files of data are absent, instead of refusing to begin.
+    """
 
     lights: tuple[str, ...]
     materials: tuple[str, ...]
     geometry: str = "sphere"
     view: str = "image"
+    methods: tuple[str, ...] | None = None
+    optional: bool = False
+
+
+@dataclass(frozen=True)
+class Knob:
+    """A hard case: one scene, of which one thing is turned from easy to extreme.
+
+    Attributes
+    ----------
+    light, material, geometry, view : str or table
+        The scene: names, or tables of the knob's own.
+    vary : str
+        What is turned: a dotted path into one of them (``"material.exponent"``, ``"material.lobes.0.sigma"``), one of
+        them as a whole (``"light"``), or a setting of the methods (``"method.order"``).
+    values : tuple
+        What it is turned to, from easy to extreme; two at least.
+    """
+
+    name: str
+    vary: str
+    values: tuple[Any, ...]
+    light: str | dict[str, Any]
+    material: str | dict[str, Any]
+    geometry: str | dict[str, Any] = "sphere"
+    view: str | dict[str, Any] = "uniform"
+    methods: tuple[str, ...] | None = None
+    optional: bool = False
+
+    def __post_init__(self) -> None:
+        if "/" in self.name or not self.name.strip():
+            raise BadInput(f"a knob's name must be words without '/'. Got {self.name!r} instead.")
+        if len(self.values) < 2:
+            raise BadInput(
+                f"values must hold two steps at least, from easy to extreme. Got {list(self.values)} instead."
+            )
+
+
+@dataclass(frozen=True)
+class Survey:
+    """Materials that are looked at by themselves: presets by name or glob (``"curet-*"``), beside the suite's own."""
+
+    materials: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -46,7 +97,10 @@ class Suite:
     lights, materials, geometries, views : dict of dict
         The suite's own named tables, beside the catalogue's presets.
     methods : tuple of dict
-        Each has a ``name`` and settings; a list is swept, ``sweep = true`` asks for the method's own sweep.
+        Each has a ``name`` and settings; a list is swept, ``sweep = true`` asks for the method's own sweep; ``label``
+        is what scenes and knobs know it by, its name if it has none.
+    survey : Survey or None
+        None: no sheet is made of any material.
     """
 
     name: str
@@ -58,7 +112,9 @@ class Suite:
     geometries: Tables = field(default_factory=Tables)
     views: Tables = field(default_factory=Tables)
     scenes: tuple[Grid, ...] = ()
+    knobs: tuple[Knob, ...] = ()
     methods: tuple[dict[str, Any], ...] = ()
+    survey: Survey | None = None
 
 
 @dataclass(frozen=True)
@@ -95,14 +151,19 @@ def parse(text: str, what: str, folder: Path = Path()) -> SuiteFile:
     table.setdefault("name", Path(what).stem)
     parts: dict[str, Any] = {
         key: construct(kind, _table(table.pop(key), f"{what}: [{key}]"), f"{what}: [{key}]")
-        for key, kind in {"reference": ReferenceSettings, "timing": TimingSettings}.items()
+        for key, kind in {"reference": ReferenceSettings, "timing": TimingSettings, "survey": Survey}.items()
         if key in table
     }
     scenes = _tables(table.pop("scenes", []), what, "scenes")
     grids = tuple(construct(Grid, entry, f"{what}: [[scenes]] {i + 1}") for i, entry in enumerate(scenes))
-    methods = _tables(table.pop("methods", []), what, "methods")
+    turned = _tables(table.pop("knobs", []), what, "knobs")
+    knobs = tuple(construct(Knob, entry, f"{what}: [[knobs]] {i + 1}") for i, entry in enumerate(turned))
+    twice = [knob.name for knob in knobs if sum(other.name == knob.name for other in knobs) > 1]
+    if twice:
+        raise BadInput(f"{what}: two [[knobs]] are called '{twice[0]}'; give each a name of its own.")
+    parts |= {"scenes": grids, "knobs": knobs, "methods": _tables(table.pop("methods", []), what, "methods")}
     suite = construct(Suite, table, what)
-    return replace(SuiteFile(**vars(suite), text=text, folder=folder), scenes=grids, methods=methods, **parts)
+    return replace(SuiteFile(**vars(suite), text=text, folder=folder), **parts)
 
 
 def _located(message: str, text: str, what: str) -> str:

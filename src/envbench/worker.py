@@ -22,10 +22,11 @@ from envbench import furnace, llvm, metrics, root, timing
 from envbench.errors import BadInput, CannotRun
 from envbench.failures import failure
 from envbench.geometry import Points
-from envbench.messages import FirstPass, MakeReference, Ready, Request, Round, Setup
+from envbench.grids import SceneSpec
+from envbench.messages import FirstPass, MakeReference, MakeSheet, Ready, Request, Round, Setup
 from envbench.method import Method, footprint
-from envbench.plan import CellSpec, SceneSpec, remarks
-from envbench.records import CellResult, Phase, SceneResult, Status, Timing
+from envbench.plan import CellSpec, remarks
+from envbench.records import CellResult, MaterialSheet, Phase, SceneResult, Status, Timing
 from envbench.reference import Reference, ReferenceSettings
 from envbench.scene import Scene
 from envbench.settings import plain
@@ -87,8 +88,18 @@ def _redirect_output(setup: Setup) -> None:
 
 
 @dataclass
+class Prepared:
+    """What a method made of an asset: its state, the scene where it did, and what that took (first call, rounds)."""
+
+    state: Any
+    scene: str
+    first: float
+    rounds: list[float] = field(default_factory=list[float])
+
+
+@dataclass
 class Desk:
-    """What a worker has before it: one scene, its reference, and what each method has prepared for it."""
+    """What a worker has before it: one scene, its reference, and what each method has prepared of its asset."""
 
     bench: root.Workbench
     setup: Setup
@@ -96,10 +107,10 @@ class Desk:
     spec: SceneSpec | None = None
     scene: Scene | None = None
     truth: Reference | None = None
-    prepared: dict[str, tuple[Any, bool]] = field(default_factory=dict[str, tuple[Any, bool]])
-    """By cell key: the state, and whether it took long to make."""
+    prepared: dict[str, Prepared] = field(default_factory=dict[str, Prepared])
+    """By `CellSpec.identity`, for the material and shape of the scene: a further light finds it done."""
 
-    def answer(self, request: Request) -> SceneResult | CellResult | dict[Phase, float]:
+    def answer(self, request: Request) -> SceneResult | CellResult | dict[Phase, float] | MaterialSheet:
         """Do what is asked."""
         match request:
             case MakeReference(spec):
@@ -108,13 +119,17 @@ class Desk:
                 return self.first(cell)
             case Round(cell):
                 return self.round(cell)
+            case MakeSheet(name, material):
+                return self.bench.catalogue.sheet(name, material)
 
     def open(self, spec: SceneSpec) -> tuple[Scene, Reference]:
-        """Return a scene and its reference, after clearing the desk of any other."""
+        """Return a scene and its reference, after clearing the desk of any other, and of states of another asset."""
         if self.scene is None or self.truth is None or self.spec != spec:
+            asset = None if self.scene is None else (self.scene.material.key, self.scene.geometry.key)
             self.scene = self.truth = None
-            self.prepared.clear()
             scene = spec.build(self.bench.catalogue)
+            if asset != (scene.material.key, scene.geometry.key):
+                self.prepared.clear()
             truth = self.bench.catalogue.reference(scene, self.settings, self.setup.cache)
             _ = scene.points.reflection  # part of the queries: no method pays for it
             self.spec, self.scene, self.truth = spec, scene, truth
@@ -129,32 +144,38 @@ class Desk:
         declined = method.declines(scene)
         if declined is not None:
             return replace(blank, status=Status.DECLINED, reason=" ".join(str(declined).split()))
-        prepared, framed, answer, seconds = render(method, scene)
+        known = self.prepared.get(cell.identity)
+        state, framed, answer, seconds = render(method, scene, known)
         values = checked(answer, len(scene.points))
-        self.prepared[cell.key] = prepared, seconds[Phase.PREPARE] > SLOW_PREPARE
-        predictions = method.predictions(prepared, scene.environment)
+        if known is None:
+            self.prepared[cell.identity] = Prepared(state, scene.name, seconds[Phase.PREPARE])
+        paid = [Timing(Phase.PREPARE, known.first, tuple(known.rounds), shared=True)] if known else []
+        predictions = method.predictions(state, scene.environment)
         return replace(
             blank,
-            timings=tuple(Timing(phase, s) for phase, s in seconds.items()),
+            timings=(*paid, *(Timing(phase, s) for phase, s in seconds.items())),
             scores=metrics.score(values, truth, scene.points),
             bytes=footprint(framed),
             predictions={str(theory): float(error) for theory, error in predictions.items()},
-            description=plain(method.describe(prepared)),
+            description=plain(method.describe(state)),
             image=image(values, scene),
         )
 
     def round(self, cell: CellSpec) -> dict[Phase, float]:
         """Time a cell's phases once, after a warm-up where this worker did not make the first pass."""
         scene, _ = self.open(cell.scene)
-        if cell.key not in self.prepared:
+        if cell.identity not in self.prepared:
             state, _, _, seconds = render(cell.method, scene)
-            self.prepared[cell.key] = state, seconds[Phase.PREPARE] > SLOW_PREPARE
-        state, slow = self.prepared[cell.key]
-        return render(cell.method, scene, state if slow else None)[-1]
+            self.prepared[cell.identity] = Prepared(state, scene.name, seconds[Phase.PREPARE])
+        known = self.prepared[cell.identity]
+        again = known.scene == scene.name and known.first <= SLOW_PREPARE
+        seconds = render(cell.method, scene, None if again else known)[-1]
+        known.rounds += [seconds[Phase.PREPARE]] if again else []
+        return seconds
 
 
-def render(method: Method, scene: Scene, prepared: Any = None) -> tuple[Any, Any, Any, dict[Phase, float]]:
-    """Take a method's four steps, or the last three from what is `prepared`.
+def render(method: Method, scene: Scene, known: Prepared | None = None) -> tuple[Any, Any, Any, dict[Phase, float]]:
+    """Take a method's four steps, or the last three from what is `known`.
 
     Returns
     -------
@@ -163,7 +184,9 @@ def render(method: Method, scene: Scene, prepared: Any = None) -> tuple[Any, Any
     seconds : dict of Phase to float
     """
     seconds: dict[Phase, float] = {}
-    if prepared is None:
+    if known is not None:
+        prepared = known.state
+    else:
         prepared, seconds[Phase.PREPARE] = timing.timed(lambda: method.prepare(scene.material, scene.geometry))
     relit, seconds[Phase.RELIGHT] = timing.timed(lambda: method.relight(prepared, scene.environment))
     framed, seconds[Phase.FRAME] = timing.timed(lambda: method.frame(relit, scene.viewer))
@@ -207,7 +230,7 @@ def describe(spec: SceneSpec, scene: Scene, truth: Reference) -> SceneResult:
         material=spec.material,
         geometry=spec.geometry,
         view=spec.view,
-        specs=plain(spec.specs),
+        specs=plain(spec.meaning),
         effects=tuple(sorted(effect.value for effect in scene.effects)),
         points=len(scene.points),
         reference_key=truth.key,
@@ -219,5 +242,6 @@ def describe(spec: SceneSpec, scene: Scene, truth: Reference) -> SceneResult:
         reference_from_cache=truth.from_cache,
         reference_rms=truth.rms,
         notes=(*remarks(scene), *filter(None, [furnace.clipping(scene)]), *truth.notes),
+        **spec.place(),
         image=image(truth.mean, scene),
     )

@@ -51,6 +51,7 @@ def test_closed_forms_without_noise(rng):
     expected = {
         "nrmse": 0.1, "energy_ratio": 1.1, "captured_energy": 0.99,
         "max_error": 0.1 * truth.max() / np.sqrt(np.mean(truth**2)),
+        "worst_view": 0.1 * np.sqrt((truth**2).mean(1).max() / np.mean(truth**2)),
         "rmse": 0.1 * np.sqrt(np.mean(truth**2)), "mse": 0.01 * np.mean(truth**2),
     }  # fmt: skip
     assert {name: s.value for name, s in found.items()} == pytest.approx(expected, rel=1e-10)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import pytest
 
 from envbench import root, suite
-from envbench.errors import BadInput
+from envbench.errors import BadInput, NeedsData
 from envbench.plan import Plan, overridden, plan
 from envbench.settings import construct
 from tests.envbench.conftest import SCENE, SUITE, UserFolder
@@ -105,3 +105,72 @@ def test_types_are_as_strict_as_json() -> None:
     ):
         with pytest.raises(BadInput, match=r"^thing"):
             construct(Thing, bad, "thing")
+
+
+TWO = """
+[[methods]]
+name = "own"
+number = [1, 2]
+[[methods]]
+name = "own"
+label = "other"
+factor = 0.5
+"""
+
+
+def test_scenes_choose_among_the_methods_by_label(planned) -> None:
+    text = SUITE + 'methods = ["other"]\n' + SUITE[SUITE.index("[[scenes]]") :].replace("lambertian", "phong")
+    cells = planned(TWO, text).cells
+    assert [(cell.scene.material, dict(cell.settings)) for cell in cells] == [
+        ("lambertian", {"factor": 0.5}),
+        ("phong", {"number": 1}),
+        ("phong", {"number": 2}),
+        ("phong", {"factor": 0.5}),
+    ]
+    with pytest.raises(BadInput, match=r"unknown method of \[\[scenes\]\] 1: 'othr': did you mean 'other'"):
+        planned(TWO, SUITE + 'methods = ["othr"]\n')
+
+
+def test_a_scene_of_two_grids_has_the_methods_of_both(planned) -> None:
+    grid = SUITE[SUITE.index("[[scenes]]") :]
+    cells = planned(TWO, SUITE + 'methods = ["other"]\n' + grid + 'methods = ["own"]\n').cells
+    assert [dict(cell.settings) for cell in cells] == [{"factor": 0.5}, {"number": 1}, {"number": 2}]
+
+
+def test_scenes_without_their_data_are_left_out_only_where_that_is_allowed(planned, monkeypatch) -> None:
+    from data_gen import materials
+
+    build = materials.build
+
+    def absent(spec, name="material"):
+        if name == "phong":
+            raise NeedsData("brdfs/x.bsdf is not there: set ENVBENCH_DATA.")
+        return build(spec, name)
+
+    monkeypatch.setattr(materials, "build", absent)
+    text = SUITE.replace('["lambertian"]', '["lambertian", "phong"]').replace('["grey"]', '["grey", "constant"]')
+    with pytest.raises(NeedsData):
+        planned(TWO, text)
+    work = planned(TWO, text + "optional = true\n")
+    assert {cell.scene.material for cell in work.cells} == {"lambertian"}
+    assert work.notes == (
+        "left out grey/phong/sphere/tiny and 1 more scene: brdfs/x.bsdf is not there: set ENVBENCH_DATA.",
+    )
+    with pytest.raises(BadInput, match="has no scene left"):
+        planned(TWO, text.replace('"lambertian", ', "") + "optional = true\n")
+
+
+def test_scenes_of_one_asset_are_carried_out_together_and_told_in_order(planned) -> None:
+    text = SUITE.replace('["lambertian"]', '["lambertian", "phong"]').replace('["grey"]', '["grey", "constant"]')
+    work = planned(TWO, text)
+    assert [scene.position for scene in work.scenes] == [0, 1, 2, 3]
+    assert [scene.material for scene in work.by_asset] == ["lambertian"] * 2 + ["phong"] * 2
+    assert [scene.position for scene in work.by_asset] == [0, 2, 1, 3]
+
+
+def test_a_survey_is_of_presets_by_glob_and_of_what_the_scenes_use(planned) -> None:
+    assert planned(TWO).survey == {}
+    survey = planned(TWO, SUITE + '[survey]\nmaterials = ["phong*"]\n').survey
+    assert list(survey) == ["lambertian", "phong", "phong-whole"]
+    with pytest.raises(BadInput, match="unknown material of \\[survey\\]: 'phnog': did you mean 'phong'"):
+        planned(TWO, SUITE + '[survey]\nmaterials = ["phnog"]\n')

@@ -65,7 +65,7 @@ def test_basis_is_scipys_harmonics() -> None:
     view = uniform(50, np.random.default_rng(0))
     theta, phi = to_angles(view)
     got = maps.basis(lobe, view)
-    for p, q, plane in maps.terms(5, 6):
+    for p, q, plane in maps.terms(5, 6, 5):
         Y = special.sph_harm_y(p, q, theta, phi)
         expected = [Y.real] if q == 0 else [-2 * Y.real, -2 * Y.imag]
         assert np.allclose(got[plane : plane + len(expected)], expected, atol=1e-13)
@@ -137,7 +137,10 @@ def test_several_lobes_are_several_maps() -> None:
 
 
 def test_poles_and_seam_are_continuous() -> None:
-    """Queries whose R steps over a pole and over the seam: neighbours 1e-6 apart differ by what the slope allows."""
+    """Queries whose R steps over a pole and over the seam: neighbours 1e-6 apart differ by what lookup errs.
+
+    That is (3/128) (pi/4)^4 = 9e-3 of the highest degree, which holds about eps = .003 of the energy: 5e-4.
+    """
     light = environments.build({"kind": "lamps", "count": 3, "seed": 2, "size": 64})
     pole = from_angles(np.full(16, 1e-6), np.arange(16) * np.pi / 8)
     seam = from_angles(np.repeat(np.linspace(0.2, 2.9, 8), 2), np.tile([1e-6, 2 * np.pi - 1e-6], 8))
@@ -147,7 +150,7 @@ def test_poles_and_seam_are_continuous() -> None:
         points = Points(normal, normal, normal, normal, view.copy(), np.full(len(R), 1 / len(R)))
         got = rendered(SHRM(eps=0.003), (Microfacet(sigma=0.3, clipped=False),), light, points)
         groups = got.reshape(-1, 2, 3) if R is seam else got[None]
-        assert np.ptp(groups, axis=1).max() < 1e-4 * np.abs(got).max()
+        assert np.ptp(groups, axis=1).max() < 5e-4 * np.abs(got).max()
 
 
 def test_cube_faces_hold_the_same_function_as_the_stored_map() -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from types import ModuleType
 from typing import Any
 
@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from data_gen.environments import LIGHTS, build
 from data_gen.geometry import mitsuba_mesh
 from data_gen.lobes import Lambertian, Microfacet, Phong
 from data_gen.mitsuba_bsdf import bsdf
@@ -22,7 +23,7 @@ from envbench.geometry import Geometry, Points, TriangleMesh
 from envbench.material import Lobe, Material
 from envbench.reference import ReferenceSettings
 from envbench.scene import Effect, Scene
-from references.mitsuba_direct import Estimator, render
+from references.mitsuba_direct import estimator_for, render
 from references.quadrature import integrate
 
 MakeScene = Callable[..., Scene]
@@ -30,8 +31,8 @@ K = 8
 
 
 def replicates(scene: Scene, samples: int, sampler: str = "multijitter", variant: str = "llvm_ad_rgb") -> np.ndarray:
-    estimator = Estimator(scene, variant, sampler)
-    return np.stack([estimator.replicate(samples, seed) for seed in np.random.SeedSequence(5).spawn(K)])
+    estimator = replace(estimator_for(scene, variant), sampler=sampler)
+    return np.stack([estimator.replicate(scene.points, samples, seed) for seed in np.random.SeedSequence(5).spawn(K)])
 
 
 @pytest.mark.parametrize("sampler", ["multijitter", "ldsampler"])
@@ -156,6 +157,29 @@ def test_samples_grow_until_the_floor_is_reached(mi: ModuleType, make_scene: Mak
     assert not np.array_equal(render(scene, ReferenceSettings(floor=0.5, seed=1)).replicates, coarse.replicates)
 
 
+@dataclass(frozen=True, kw_only=True)
+class SaysWide(Phong):
+    """A lobe with a wide cone, as a table has whose sharp peak stands on a broad floor."""
+
+    def cone(self, eps: float) -> float:
+        return 1.2
+
+
+@pytest.mark.parametrize(("exponent", "sampled"), [(0.5, False), (500.0, True), (1e5, True)])
+def test_a_pilot_finds_peaks(mi: ModuleType, make_scene: MakeScene, exponent: float, sampled: bool) -> None:
+    """The last peak is one that the light's samples of the pilot (512 points, 8 x 64) nearly always miss."""
+    scene = make_scene(build(LIGHTS["esplanade"]), SaysWide(exponent=exponent), count=600)
+    assert estimator_for(scene, "llvm_ad_rgb").sample_lobes == sampled
+
+
+def test_a_texture_modulates(mi: ModuleType, make_scene: MakeScene, lit: Environment) -> None:
+    scene = make_scene(lit, Lambertian(), count=20)
+    modulation = np.random.default_rng(1).uniform(0, 1, (20, 3))
+    textured = replace(scene, points=replace(scene.points, modulation=modulation))
+    plain, result = (render(s, ReferenceSettings(floor=0.5)) for s in (scene, textured))
+    np.testing.assert_allclose(result.mean, plain.mean * modulation, rtol=1e-6)
+
+
 def test_a_spent_budget_is_said(mi: ModuleType, make_scene: MakeScene, lit: Environment) -> None:
     result = render(make_scene(lit, Lambertian()), ReferenceSettings(floor=1e-6, budget=1e-3))
     assert len(result.notes) == 1
@@ -167,7 +191,7 @@ def test_chunks_join_seamlessly(
     mi: ModuleType, make_scene: MakeScene, lit: Environment, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     scene = make_scene(lit, Phong(exponent=8, clipped=False), count=21)
-    monkeypatch.setattr("references.mitsuba_direct._LANES", 4 * 1024)
+    monkeypatch.setattr("data_gen.mitsuba_estimator._LANES", 4 * 1024)
     means = replicates(scene, 1024).mean(0)
     assert means == pytest.approx(integrate(scene), rel=0.05)
 

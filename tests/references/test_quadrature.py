@@ -8,11 +8,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from data_gen.lobes import Lambertian, Microfacet, Phong
+from data_gen.lobes import GGX, CookTorrance, KajiyaKay, Lafortune, Lambertian, Microfacet, Phong
 from envbench import latlong
 from envbench.directions import from_angles
 from envbench.environment import Environment
 from envbench.errors import BadInput
+from envbench.furnace import lobe_integrals
 from envbench.material import Lobe
 from envbench.scene import Scene
 from references.quadrature import integrate
@@ -150,3 +151,35 @@ def test_a_shape_with_shadows_is_refused(make_scene: MakeScene, constant: Enviro
     scene = make_scene(constant, Lambertian())
     with pytest.raises(BadInput, match="convex"):
         integrate(replace(scene, geometry=replace(scene.geometry, name="bunny", convex=False)))
+
+
+@pytest.mark.parametrize(
+    "lobe", [GGX(roughness=0.4, f0=(0.9, 0.5, 0.1)), CookTorrance(roughness=0.2), KajiyaKay(exponent=32)], ids=repr
+)
+def test_constant_light_is_what_the_furnace_says(make_scene: MakeScene, constant: Environment, lobe: Lobe) -> None:
+    """Two quadratures that share nothing: cells of the map, about 1e-5 accurate, and polar coordinates about a lobe."""
+    scene = make_scene(constant, lobe, count=8)
+    assert integrate(scene) == pytest.approx(lobe_integrals(scene.material, scene.points), abs=3e-5)
+
+
+def test_a_narrow_peak_in_a_wide_lobe_is_found() -> None:
+    """Under a map of 4 x 2, whose cells are far wider than the peak (1 % of the whole): it is the sum of its parts."""
+    environment = Environment("small", np.random.default_rng(1).random((2, 4, 3)).astype(np.float32))
+    peak = {"c_xy": ((-1.0,) * 3,), "c_z": ((1.0,) * 3,), "n": ((500.0,) * 3,)}
+    whole, alone = Lafortune(diffuse=(0.9, 0.5, 0.2), **peak), Lafortune(**peak)
+    normal = from_angles([0.7], 0.4)
+    view = from_angles([1.2], 0.4)
+    parts = [
+        one_query_scene(environment, lobe, normal, view) for lobe in (alone, Lambertian(reflectance=whole.diffuse))
+    ]
+    expected = sum(integrate(scene, tolerance=1e-6) for scene in parts)
+    got = integrate(one_query_scene(environment, whole, normal, view), tolerance=1e-6)
+    assert got == pytest.approx(expected, abs=2e-4)  # the peak reflects 1e-2
+
+
+def test_a_texture_multiplies_what_is_reflected(make_scene: MakeScene, lit: Environment) -> None:
+    scene = make_scene(lit, Phong(exponent=20), count=6)
+    modulation = np.random.default_rng(2).random((6, 3))
+    textured = replace(scene, points=replace(scene.points, modulation=modulation))
+    assert integrate(textured) == pytest.approx(modulation * integrate(scene), rel=1e-12)
+    assert integrate(textured, [4, 1]) == pytest.approx((modulation * integrate(scene))[[4, 1]], rel=1e-12)

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from envbench.records import CellResult, Phase, RunInfo, SceneResult, Score, Status, Timing
+from envbench.records import CellResult, MaterialSheet, Phase, RunInfo, SceneResult, Score, Status, Timing
 
 
 @dataclass(frozen=True)
@@ -21,6 +21,7 @@ class Records:
     info: RunInfo
     scene_results: Sequence[SceneResult]
     cell_results: Sequence[CellResult]
+    sheet_results: Sequence[MaterialSheet] = ()
 
     def run(self, ref: str) -> RunInfo:
         return self.info
@@ -30,6 +31,9 @@ class Records:
 
     def cells(self, run_id: str) -> list[CellResult]:
         return list(self.cell_results)
+
+    def sheets(self, run_id: str) -> list[MaterialSheet]:
+        return list(self.sheet_results)
 
 
 class Synthetic:

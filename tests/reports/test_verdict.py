@@ -12,7 +12,7 @@ from reports.verdict import LEVELS, verdicts
 
 def answers(scenes, cells):
     (verdict,) = verdicts(scenes, cells)
-    return {answer.level: answer for answer in verdict.answers}
+    return {answer.level: answer for answer in verdict.answers["changing light"] if answer.level}
 
 
 def test_the_fastest_whose_upper_bound_is_below_the_level_wins(make):
@@ -85,10 +85,10 @@ def test_a_black_reference_has_no_relative_error_and_does_not_spoil_the_others(m
     ]
     (verdict,) = verdicts([black, lit], cells)
     assert verdict.undefined == ("black",)
-    assert verdict.answers[0].best.settings == "eps=0.1"
+    assert verdict.answers["changing light"][0].best.settings == "eps=0.1"
     (only,) = verdicts([black], cells[:1])
     assert only.undefined == ("black",)
-    assert all(answer.best is None for answer in only.answers)
+    assert all(answer.best is None for answer in only.answers["changing light"])
 
 
 def test_materials_are_answered_apart_and_shapes_where_there_are_several(make):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from types import ModuleType
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ from scipy.integrate import dblquad
 from scipy.special import sph_harm_y
 
 from data_gen.environments.daylight import APERTURE, sunsky
-from data_gen.environments.generated import band_limited, constant, lamps
+from data_gen.environments.generated import band_limited, constant, lamps, noise, pixel
 from data_gen.environments.interior import hall
 from envbench import directions, latlong
 
@@ -20,6 +21,23 @@ def test_constant() -> None:
     np.testing.assert_array_equal(
         light(directions.uniform(50, np.random.default_rng(0))), np.tile([1.0, 2, 3], (50, 1))
     )
+
+
+def test_one_pixel_is_a_tent() -> None:
+    light = pixel(row=3, column=0, radiance=[1, 2, 3e8], size=8)
+    step = np.pi / 8
+    theta, phi = 3.5 * step, 0.5 * step
+    where = directions.from_angles(theta + step * np.array([0, 0.5, -1, 0]), phi + step * np.array([0, 0, 0, -0.75]))
+    expected = np.array([1, 0.5, 0, 0.25])[:, None] * [1, 2, 3e8]
+    np.testing.assert_allclose(light(where), expected, rtol=1e-12, atol=1e-6)
+    assert np.count_nonzero(light.radiance) == 3
+
+
+@pytest.mark.parametrize(("size", "shape"), [(16, (16, 32, 3)), ([5, 3], (3, 5, 3)), ((4, 2), (2, 4, 3))])
+def test_noise_has_any_size(size: Any, shape: tuple[int, ...]) -> None:
+    light = noise(size=size, seed=1)
+    assert light.radiance.shape == shape
+    assert light.key == noise(size=size, seed=1).key != noise(size=size, seed=2).key
 
 
 def test_lamps_have_their_power_and_place() -> None:

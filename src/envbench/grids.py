@@ -1,0 +1,165 @@
+"""From a suite's ``[[scenes]]`` and ``[[knobs]]`` to scenes: names looked up, tables turned."""
+
+from __future__ import annotations
+
+import copy
+import itertools
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from envbench.catalogue import Catalogue, Spec
+from envbench.errors import BadInput, unknown
+from envbench.root import Workbench
+from envbench.scene import Scene
+from envbench.suite import Grid, Knob, Suite
+
+KINDS = {"light": "lights", "material": "materials", "geometry": "geometries", "view": "views"}
+
+
+@dataclass(frozen=True)
+class Turn:
+    """The step of a hard case that a scene is: knob, its number from 0 and its value, and the path that it turns."""
+
+    knob: str
+    step: int
+    value: Any
+    vary: str
+
+    @property
+    def setting(self) -> str:
+        """The value as text.
+
+        Examples
+        --------
+        >>> Turn("size", 0, [512, 256], "light.size").setting, Turn("gloss", 1, 1e5, "material.exponent").setting
+        ('512 x 256', '100000')
+        """
+        return worded(self.value)
+
+
+@dataclass(frozen=True)
+class SceneSpec:
+    """A scene by name and by what its parts mean; small and picklable, so that a worker builds it itself.
+
+    `name` is light/material/geometry/view, the same in every suite.
+    """
+
+    light: str
+    material: str
+    geometry: str
+    view: str
+    specs: Mapping[str, Spec]
+    turn: Turn | None = None
+    position: int = field(default=0, compare=False)
+
+    @property
+    def name(self) -> str:
+        """The four names, joined."""
+        return "/".join((self.light, self.material, self.geometry, self.view))
+
+    @property
+    def meaning(self) -> dict[str, Any]:
+        """What the four names meant, and of a step of a hard case what was turned."""
+        turn = {} if self.turn is None else {"knob": {"vary": self.turn.vary, "value": self.turn.value}}
+        return {**self.specs, **turn}
+
+    def place(self) -> dict[str, Any]:
+        """Return the fields of a `SceneResult` that say where in its plan, and in its hard case, the scene stands."""
+        turn = self.turn
+        step = {} if turn is None else {"knob": turn.knob, "step": turn.step, "setting": turn.setting}
+        return {"position": self.position, **step}
+
+    def build(self, catalogue: Catalogue) -> Scene:
+        """Build the scene; raises `BadInput`."""
+        return catalogue.scene(name=self.name, **self.specs)
+
+
+def expand(grid: Grid, suite: Suite, bench: Workbench) -> Iterator[SceneSpec]:
+    """Yield the scenes of a grid, each name looked up among the suite's tables and the catalogue's presets."""
+    axes = {"light": grid.lights, "material": grid.materials, "geometry": (grid.geometry,), "view": (grid.view,)}
+    found = {kind: {name: look_up(kind, name, suite, bench) for name in names} for kind, names in axes.items()}
+    for names in itertools.product(*axes.values()):
+        yield SceneSpec(*names, specs={kind: found[kind][name] for kind, name in zip(axes, names, strict=True)})
+
+
+def steps(knob: Knob, suite: Suite, bench: Workbench) -> Iterator[SceneSpec]:
+    """Yield a knob's scenes from easy to extreme; the part that is turned is named by the knob and its value."""
+    kind, _, path = knob.vary.partition(".")
+    if kind not in (*KINDS, "method") or (kind == "method" and not path):
+        raise BadInput(
+            f"knob '{knob.name}': vary must begin with light, material, geometry, view or method, "
+            f"as in \"material.exponent\". Got '{knob.vary}' instead."
+        )
+    given = {part: getattr(knob, part) for part in KINDS}
+    specs = {
+        part: look_up(part, value, suite, bench) if isinstance(value, str) else _placed(value, suite)
+        for part, value in given.items()
+    }
+    named = {part: value if isinstance(value, str) else knob.name for part, value in given.items()}
+    varied = "view" if kind == "method" else kind
+    for number, value in enumerate(knob.values):
+        turn = Turn(knob.name, number, value, knob.vary)
+        turned = dict(specs)
+        if kind != "method":
+            turned[kind] = _turned(specs[kind], kind, path, value, knob, suite, bench)
+        names = named | {varied: f"{knob.name} = {turn.setting}".replace("/", ":")}
+        yield SceneSpec(*names.values(), specs=turned, turn=turn)
+
+
+def look_up(kind: str, name: str, suite: Suite, bench: Workbench) -> Spec:
+    """Return what a name means; raises `BadInput` for one that is unknown, or stands for two things."""
+    own: Mapping[str, Spec] = getattr(suite, KINDS[kind])
+    presets: Mapping[str, Spec] = getattr(bench.catalogue, KINDS[kind])
+    if name in own and name in presets:
+        raise BadInput(f"[{KINDS[kind]}.{name}] hides a preset of that name; choose another name.")
+    if name not in own:
+        if name not in presets:
+            raise unknown(kind, name, {*own, *presets})
+        return presets[name]
+    return _placed(own[name], suite)
+
+
+def worded(value: Any) -> str:
+    """Word a value of TOML in few characters."""
+    match value:
+        case bool():
+            return str(value).lower()
+        case int() | float():
+            return f"{value:.9g}"
+        case Mapping():
+            return ", ".join(f"{key} {worded(entry)}" for key, entry in value.items())
+        case [*entries]:
+            return " x ".join(map(worded, entries))
+        case _:
+            return str(value)
+
+
+def _placed(spec: Spec, suite: Suite) -> Spec:
+    """Return a table whose path begins at the suite's folder, else where envbench was started."""
+    beside = getattr(suite, "folder", Path()) / str(spec.get("path", ""))
+    return {**spec, "path": str(beside)} if "path" in spec and beside.exists() else dict(spec)
+
+
+def _turned(spec: Spec, kind: str, path: str, value: Any, knob: Knob, suite: Suite, bench: Workbench) -> Spec:
+    """Return a table with what lies at `path` replaced; all of it where the path is empty."""
+    if not path:
+        if isinstance(value, str):
+            return look_up(kind, value, suite, bench)
+        if isinstance(value, Mapping):
+            return _placed(value, suite)
+        raise BadInput(f"knob '{knob.name}': a {kind} is a name or a table. Got {value!r} instead.")
+    turned = copy.deepcopy(dict(spec))
+    keys: list[Any] = [int(key) if key.isdigit() else key for key in path.split(".")]
+    *way, last = keys
+    place: Any = turned
+    try:
+        for key in way:
+            place = place[key]
+        if isinstance(place, list):
+            _ = place[last]  # an entry that is not there cannot be turned; a setting may have its default
+        place[last] = value
+    except (KeyError, IndexError, TypeError):
+        raise BadInput(f"knob '{knob.name}': '{knob.vary}' leads nowhere in the {kind}'s table {dict(spec)}.") from None
+    return turned
