@@ -2,6 +2,15 @@
 
 from envbench.method import Method
 from methods.angular import Angular
-from methods.shrm import SHRM
+from methods.cabral import Cabral
+from methods.explicit import Explicit
+from methods.irradiance import Irradiance
+from methods.kautz_mccool import KautzMcCool
+from methods.monte_carlo import MonteCarlo
+from methods.shrm import SHRM, SHRMCoefficients, SHRMGlobal
+from methods.split_sum import SplitSum
 
-METHODS: dict[str, type[Method]] = {method.name: method for method in (Angular, SHRM)}
+_ALL = (
+    SHRM, SHRMGlobal, SHRMCoefficients, Explicit, Angular, KautzMcCool, Cabral, Irradiance, SplitSum, MonteCarlo,
+)  # fmt: skip
+METHODS: dict[str, type[Method]] = {method.name: method for method in _ALL}

@@ -7,6 +7,7 @@ at least 8 times faster than s = 8 (its cone is 48 times smaller).
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from functools import partial
 from typing import Any
 
@@ -14,7 +15,8 @@ import numpy as np
 
 from data_gen.lobes import Phong
 from envbench import latlong
-from methods.angular.prefilter import prefilter
+from envbench.directions import uniform
+from methods.angular.prefilter import prefilter, prefilter_at
 
 SIZE = 128
 EPS = 0.05
@@ -58,3 +60,11 @@ def test_prefilter(benchmark: Any) -> None:
         speedup_of_s_512_over_s_8=ratio,
         speedup_over_bar=ratio / BAR_RATIO,
     )
+
+
+def test_prefilter_at(against: Callable[..., float]) -> None:
+    """Phong s = 8 at random directions, beside as many texels of one map: what lanes that walk unlike cost."""
+    lobe, run = prefiltering(8)
+    radiance = np.random.default_rng(0).uniform(0, 1, (SIZE, SIZE, 3)).astype(np.float32)
+    centre = uniform(SIZE * SIZE, np.random.default_rng(1))
+    against(partial(prefilter_at, radiance, lobe, centre, centre, centre, EPS), run, "prefilter, a map", rounds=7)

@@ -14,13 +14,14 @@ from methods.angular.prefilter import width
 def of_prefiltering(lobe: Lobe, eps: float, light_rows: int) -> float:
     """Return the share of constant light that the sum over texels may be off by, over all R.
 
-    The cone loses eps. Point samples, at most the lobe's width w apart, meet the horizon, a jump of a clipped lobe, to
-    within half a texel's strip of the lobe, h_L / (2 w), where it passes within w of R: a share sin^2 w of all R.
+    The cone loses eps. Point samples, h <= w apart for a lobe of width w, sum a smooth lobe to within (h / w)^2 / 12,
+    on a pole, where rows are rings; and the horizon, a jump of a clipped lobe, to within half a texel's strip of it,
+    h / (2 w), where it passes within w of R: a share sin^2 w of all R.
     """
-    if not lobe.clipped or lobe.radially_symmetric:
-        return eps
     w = width(lobe)
-    return eps + min(np.pi / (light_rows or 64) / w, 1) / 2 * float(np.sin(min(w, np.pi / 2)))
+    step = min(np.pi / (light_rows or 64) / w, 1)
+    strip = step / 2 * float(np.sin(min(w, np.pi / 2))) if lobe.clipped and not lobe.radially_symmetric else 0.0
+    return eps + step**2 / 12 + strip
 
 
 def integrals(lobes: tuple[Lobe, ...], centre: Centre, theta: Array) -> Array:

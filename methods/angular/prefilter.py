@@ -32,6 +32,11 @@ MAX_REFINEMENT = 1023
 """Of a texel, each way: what a lobe of 1e-3 degrees needs in a map of 64 rows, far below what any lobe here reaches."""
 
 
+GRAZING = 1e-3
+"""How far from grazing itself, in radians, the views of maps stay: there single precision may put V below the horizon,
+where some lobes are nothing at all."""
+
+
 def widest_view(centre: Centre) -> float:
     """Return the largest polar angle of a view about a central direction (grazing: pi about R, pi / 2 about N)."""
     return np.pi / 2 if centre is Centre.NORMAL else np.pi
@@ -162,11 +167,12 @@ def _drjit() -> Any:
 def _local_frames(centre: Centre, views: int) -> tuple[Array, Array]:
     """Return V and N (T * T, 3) in the frame whose z axis is the central direction.
 
-    About R the normal is the half vector, at theta_o / 2, also at grazing where V = -R. About T it is taken to be V's
+    About R the normal is the half vector, at theta_o / 2. About T it is taken to be V's
     part perpendicular to T: a whole lobe about T knows no other.
     """
+    widest = widest_view(centre)
     theta, phi = np.meshgrid(
-        np.linspace(0, widest_view(centre), views), 2 * np.pi * np.arange(views) / views, indexing="ij"
+        np.minimum(np.linspace(0, widest, views), widest - GRAZING), 2 * np.pi * np.arange(views) / views, indexing="ij"
     )
     polar_of_normal = {Centre.REFLECTION: theta / 2, Centre.NORMAL: 0 * theta, Centre.TANGENT: 0 * theta + np.pi / 2}
     return from_angles(theta, phi).reshape(-1, 3), from_angles(polar_of_normal[centre], phi).reshape(-1, 3)
@@ -234,7 +240,10 @@ def _texels(radiance: NDArray[np.float32]) -> Callable[[Any, Any], Any]:
 
 
 def _between_texels(radiance: NDArray[np.float32], fine: int) -> Callable[[Any, Any], Any]:
-    """Return the bilinear function, times solid angles, by row and column of a grid `fine` times finer (odd)."""
+    """Return the bilinear function, times solid angles, by row and column of a grid `fine` times finer (odd).
+
+    A map with an odd number of columns is slightly smoothed beyond its outermost rows: there it is half a column off.
+    """
     import drjit as dr
     from drjit.llvm import Array4f, Float, Int32, UInt32
 

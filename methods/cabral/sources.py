@@ -12,7 +12,7 @@ from envbench.directions import Array, normalised, perpendicular
 from envbench.environment import Environment
 from envbench.geometry import Points
 from envbench.material import Centre, Lobe
-from methods.angular.prefilter import prefilter_at, width
+from methods.angular.prefilter import GRAZING, prefilter_at, width
 from methods.cabral import spheremap
 from methods.shrm import SHRM
 
@@ -25,6 +25,8 @@ def queries(index: Centre, view: Array, size: int) -> Points:
     """
     frame = spheremap.frame(view)
     local = spheremap.normals(spheremap.texels(size)).reshape(-1, 3)
+    local[:, 2] = np.maximum(local[:, 2], GRAZING)
+    local = normalised(local)
     normal, view = local @ frame.T, np.broadcast_to(view, local.shape).copy()
     tangent = perpendicular(normal)
     if index is Centre.TANGENT:

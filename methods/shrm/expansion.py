@@ -114,9 +114,10 @@ class Expansion(Method):
 
 
 def constant_light(expanded: Expanded) -> float:
-    """Return how far an integral may be off: the RMS of what P leaves out of l = 0, over uniform (R, V).
+    """Return how far an integral may be off: three times the RMS of what P leaves out of l = 0, over uniform (R, V).
 
-    Half as much again for a few queries that happen to see more of it; at most the half that a law can still hold to.
+    A narrow clipped lobe errs in few views, by half of its integral, and a few queries may happen to meet more of them;
+    but at most the half that a law can still hold to.
     """
     missing = max(c.missing_constant for c in expanded.parts)
-    return min(1.5 * float(np.sqrt(missing)) + 1e-3, 0.5)
+    return min(3 * float(np.sqrt(missing)) + 1e-3, 0.5)
