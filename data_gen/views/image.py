@@ -54,6 +54,7 @@ class Image:
 
     def points(self, geometry: Geometry, name: str) -> tuple[Points, Viewer]:
         """Find what each pixel sees."""
+        geometry = geometry.posed
         origins, rays, viewer = self._camera(geometry)
         if geometry.mesh is None:
             hit, position, normal, geometric = _meet_sphere(origins, rays)

@@ -1,7 +1,7 @@
 """From V in the frame of a central direction to V in global coordinates: equation 8 of RH 2002, for many directions.
 
-Real harmonics in the order l*l + l + m: Y_l0, and sqrt(2) times Re Y_lq at m = q, Im Y_lq at m = -q. A turn about z by
-t mixes m and -m alone, by cos(m t) and sin(m t). A turn about y is one about z between two fixed quarter turns about x,
+Real harmonics are those of `envbench.real_harmonics`. A turn about z by t mixes m and -m alone, by cos(m t) and
+sin(m t). A turn about y is one about z between two fixed quarter turns about x,
 
     R(alpha, beta) = Rz(beta) Ry(alpha) = Rz(beta) Rx(-pi/2) Rz(alpha) Rx(pi/2),
 
@@ -10,40 +10,15 @@ so that all directions together take two products with one small orthogonal matr
 
 from __future__ import annotations
 
-from math import pi, sqrt
-
 import numpy as np
 from numpy.typing import NDArray
 
 from envbench.directions import uniform
+from envbench.real_harmonics import basis
 from methods.shrm import maps
 from methods.shrm.coefficients import LobeCoefficients
 
 Array = NDArray[np.float64]
-
-
-def basis(P: int, view: Array) -> Array:
-    """Return the real harmonics at a direction (3,) or at directions (n, 3): shape ((P + 1)^2,) or ((P + 1)^2, n).
-
-    One direction, the viewer of a frame, is plain arithmetic: NumPy's calls would take as long as the frame itself.
-    """
-    x, y, z = view.tolist() if view.ndim == 1 else view.T
-    out = np.empty(((P + 1) ** 2, *view.shape[:-1]))
-    first, real, imaginary = sqrt(1 / (4 * pi)), 1.0, 0.0
-    for q in range(P + 1):
-        if q:
-            first *= -sqrt((2 * q + 1) / (2 * q))
-            real, imaginary = real * x - imaginary * y, real * y + imaginary * x
-        a, below = first, 0.0
-        for p in range(q, P + 1):  # the recurrence of `legendre.reduced`
-            if p > q:
-                step = z * a - sqrt(((p - 1) ** 2 - q**2) / abs(4 * (p - 1) ** 2 - 1)) * below
-                a, below = sqrt((4 * p**2 - 1) / (p**2 - q**2)) * step, a
-            if q == 0:
-                out[p * p + p] = a
-            else:
-                out[p * p + p + q], out[p * p + p - q] = sqrt(2) * a * real, sqrt(2) * a * imaginary
-    return out
 
 
 def to_global(lobe: LobeCoefficients, planes: NDArray[np.floating], theta_phi: Array) -> NDArray[np.floating]:

@@ -19,6 +19,7 @@ from envbench.geometry import Geometry, Points, Viewer
 from envbench.harmonics import Coefficients
 from envbench.material import Centre, Material
 from envbench.method import Tolerance
+from envbench.real_harmonics import basis
 from envbench.scene import Scene
 from methods.shrm import cube, lookup, maps, predictions, rotation
 from methods.shrm.coefficients import LobeCoefficients
@@ -175,5 +176,5 @@ def seen(stored: GlobalMap, view: NDArray[np.float64]) -> NDArray[np.floating]:
     """Return equation 12 for one view: the map's texels (k, 3)."""
     if stored.radial:
         return stored.coefficients.reshape(-1, 3)
-    weights = rotation.basis(stored.P, view).astype(stored.coefficients.dtype)
+    weights = basis(stored.P, view).astype(stored.coefficients.dtype)
     return (weights @ stored.coefficients).reshape(-1, 3)

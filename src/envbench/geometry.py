@@ -26,31 +26,64 @@ class TriangleMesh:
 
 
 @dataclass(frozen=True, eq=False)
+class Pose:
+    """Where a deformation takes a mesh: `vertices` and `normals` (V, 3), `rotations` (V, 3, 3) from rest to posed.
+
+    The rotations are orthonormal, and take the rest normal of a vertex to its posed one.
+    """
+
+    name: str
+    vertices: Array
+    normals: Array
+    rotations: Array
+    convex: bool = False
+
+
+@dataclass(frozen=True, eq=False)
 class Geometry:
-    """A shape.
+    """A shape at rest, and the pose in which it is seen, if there is one.
 
     Attributes
     ----------
     mesh : TriangleMesh or None
-        None is the unit sphere about the origin, in closed form.
+        At rest. None is the unit sphere about the origin, in closed form.
     convex : bool
-        True where no point can shadow another, so that no visibility ray is needed.
+        True where no point can shadow another at rest, so that no visibility ray is needed.
     notes : tuple of str
         What a user should know of how it was read, a line each (dropped triangles, turned normals ...).
+    pose : Pose or None
     """
 
     name: str
     mesh: TriangleMesh | None = None
     convex: bool = True
     notes: tuple[str, ...] = ()
+    pose: Pose | None = None
+
+    @property
+    def rest(self) -> Geometry:
+        """The shape without its pose: all that a method's `prepare` gets to see."""
+        return self if self.pose is None else replace(self, pose=None)
+
+    @cached_property
+    def posed(self) -> Geometry:
+        """The shape that is seen, itself without a pose."""
+        if self.pose is None or self.mesh is None:
+            return self
+        mesh = replace(self.mesh, vertices=self.pose.vertices, normals=self.pose.normals)
+        return replace(self, mesh=mesh, convex=self.pose.convex, pose=None)
 
     @cached_property
     def key(self) -> str:
         """Content address of the shape."""
         if self.mesh is None:
             return "unit sphere"
-        parts = (self.mesh.vertices, self.mesh.triangles, self.mesh.normals)
-        return hashlib.sha256(b"".join(a.tobytes() for a in parts) + bytes([self.convex])).hexdigest()
+        parts = [self.mesh.vertices, self.mesh.triangles, self.mesh.normals]
+        convex = [self.convex]
+        if self.pose is not None:
+            parts += [self.pose.vertices, self.pose.normals, self.pose.rotations]
+            convex += [self.pose.convex]
+        return hashlib.sha256(b"".join(a.tobytes() for a in parts) + bytes(convex)).hexdigest()
 
 
 @dataclass(frozen=True)

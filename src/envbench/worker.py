@@ -125,10 +125,10 @@ class Desk:
     def open(self, spec: SceneSpec) -> tuple[Scene, Reference]:
         """Return a scene and its reference, after clearing the desk of any other, and of states of another asset."""
         if self.scene is None or self.truth is None or self.spec != spec:
-            asset = None if self.scene is None else (self.scene.material.key, self.scene.geometry.key)
+            asset = None if self.scene is None else (self.scene.material.key, self.scene.geometry.rest.key)
             self.scene = self.truth = None
             scene = spec.build(self.bench.catalogue)
-            if asset != (scene.material.key, scene.geometry.key):
+            if asset != (scene.material.key, scene.geometry.rest.key):
                 self.prepared.clear()
             truth = self.bench.catalogue.reference(scene, self.settings, self.setup.cache)
             _ = scene.points.reflection  # part of the queries: no method pays for it
@@ -187,7 +187,7 @@ def render(method: Method, scene: Scene, known: Prepared | None = None) -> tuple
     if known is not None:
         prepared = known.state
     else:
-        prepared, seconds[Phase.PREPARE] = timing.timed(lambda: method.prepare(scene.material, scene.geometry))
+        prepared, seconds[Phase.PREPARE] = timing.timed(lambda: method.prepare(scene.material, scene.geometry.rest))
     relit, seconds[Phase.RELIGHT] = timing.timed(lambda: method.relight(prepared, scene.environment))
     framed, seconds[Phase.FRAME] = timing.timed(lambda: method.frame(relit, scene.viewer))
     values, seconds[Phase.SHADE] = timing.timed(lambda: modulated(method.shade(framed, scene.points), scene.points))
