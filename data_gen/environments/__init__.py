@@ -17,6 +17,7 @@ from data_gen.environments.generated import band_limited, constant, lamps, noise
 from data_gen.environments.interior import hall
 from data_gen.environments.layouts import Layout
 from data_gen.environments.resample import downsampled
+from data_gen.external import locate
 from envbench.environment import Environment
 from envbench.errors import BadInput, unknown
 
@@ -35,10 +36,13 @@ def captured(*, name: str, size: int | None = None) -> Environment:
 
 
 def file(*, path: str, layout: str = Layout.LATLONG, size: int | None = None) -> Environment:
-    """Return the map of a file (`read`), reduced to `size` rows if it has more; `path` from the working directory."""
+    """Return the map of a file (`read`), reduced to `size` rows if it has more.
+
+    A relative `path` begins in the working directory, else in the data folder (`data_gen.external`).
+    """
     if not isinstance(path, str | Path):  # pyright: ignore[reportUnnecessaryIsInstance] - it comes from TOML
         raise BadInput(f"The 'path' of light 'file' must be a string. Got {path!r} instead.")
-    return _reduced("file", read(path, layout), size)
+    return _reduced("file", read(path if Path(path).is_absolute() else locate(path), layout), size)
 
 
 def _reduced(kind: str, environment: Environment, size: int | None) -> Environment:

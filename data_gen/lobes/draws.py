@@ -16,15 +16,15 @@ _FINEST = 1e-3
 
 
 def held_cone(lobe: Lobe, eps: float) -> float:
-    """Return the half-angle about C that holds 1 - eps of the whole lobe, in each channel and for any view."""
+    """Return the half-angle in (0, pi] about C that holds 1 - eps of the whole lobe in each channel, for any view."""
     if eps < _FINEST:
         return float(np.pi)
     angles, weights = _draws(lobe, _MANY, False)
     held = np.cumsum(weights, axis=1)
-    total = held[:, -1:]
-    reached = np.argmax(held >= (1 - eps) * total, axis=1)  # (views, channels), first draw that reaches it
-    widest = np.take_along_axis(angles, reached, axis=1)
-    return float(np.where(total[:, 0] > 0, widest, 0).max())
+    total = held[:, -1]
+    reached = np.argmax(held >= (1 - eps) * total[:, None], axis=1)  # (views, channels), first draw that reaches it
+    widest = np.take_along_axis(angles, reached, axis=1)  # (views, channels)
+    return float(np.where(total > 0, widest, 0).max()) or float(np.pi)  # a black lobe is held by any
 
 
 def albedo(lobe: Lobe) -> Array:

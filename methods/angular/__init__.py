@@ -19,7 +19,7 @@ from envbench.method import Method, Tolerance
 from envbench.scene import Scene
 from methods.angular import losses
 from methods.angular.lookup import look_up
-from methods.angular.prefilter import prefilter, widest_view, width
+from methods.angular.prefilter import polar_nodes, prefilter, width
 
 MAX_BYTES = 2**31
 """Of one lobe's maps."""
@@ -130,7 +130,7 @@ class Angular(Method):
         for lobe, share in zip(prepared, shares, strict=True):
             lost = losses.of_prefiltering(lobe, self.eps, self.light_rows)
             if self._views(lobe) > 1:
-                lost += 2 * losses.between_views(lobe, widest_view(lobe.centre), self.directions)
+                lost += 2 * losses.between_views(lobe, polar_nodes(lobe, self.directions, self.light_rows or 64))
             constant += share * lost
         if max(map(self._views, prepared)) > 1:
             rotation += (2 * pi / self.directions) ** 2 / 8

@@ -8,7 +8,7 @@ from envbench.directions import Array, from_angles
 from envbench.furnace import lobe_integrals
 from envbench.geometry import Points
 from envbench.material import Centre, Lobe, Material
-from methods.angular.prefilter import width
+from methods.angular.prefilter import widest_view, width
 
 
 def of_prefiltering(lobe: Lobe, eps: float, light_rows: int) -> float:
@@ -45,15 +45,16 @@ def integrals(lobes: tuple[Lobe, ...], centre: Centre, theta: Array) -> Array:
     return lobe_integrals(Material("lobes", lobes), points).mean(1)
 
 
-def between_views(lobe: Lobe, widest: float, count: int) -> float:
-    """Return the error of a lobe's integral between `count` views, theta_o from 0 to `widest`, relative to its RMS.
+def between_views(lobe: Lobe, nodes: Array) -> float:
+    """Return the error of a lobe's integral between views, theta_o at `nodes`, relative to its RMS.
 
-    The RMS over R (or T) uniform, and over N as it then lies, of linear interpolation.
+    The RMS over R (or T) uniform, and over N as it then lies, of linear interpolation between nodes that count as even.
     """
-    theta = np.linspace(0, widest, 16 * (count - 1) + 1)
-    g = integrals((lobe,), lobe.centre, theta)
+    even = np.linspace(0, widest_view(lobe.centre), len(nodes))
+    theta = np.linspace(0, even[-1], 16 * (len(nodes) - 1) + 1)
+    g, at_nodes = (integrals((lobe,), lobe.centre, angles) for angles in (theta, nodes))
     share = np.sin(2 * theta) if lobe.centre is Centre.NORMAL else np.sin(theta)
-    error = np.interp(theta, theta[::16], g[::16]) - g
+    error = np.interp(theta, even, at_nodes) - g
     return float(np.sqrt(np.sum(error**2 * share) / np.sum(g**2 * share)))
 
 

@@ -32,11 +32,6 @@ MAX_REFINEMENT = 1023
 """Of a texel, each way: what a lobe of 1e-3 degrees needs in a map of 64 rows, far below what any lobe here reaches."""
 
 
-GRAZING = 1e-3
-"""How far from grazing itself, in radians, the views of maps stay: there single precision may put V below the horizon,
-where some lobes are nothing at all."""
-
-
 def widest_view(centre: Centre) -> float:
     """Return the largest polar angle of a view about a central direction (grazing: pi about R, pi / 2 about N)."""
     return np.pi / 2 if centre is Centre.NORMAL else np.pi
@@ -57,6 +52,26 @@ def refinement(height: int, lobe: Lobe) -> int:
     return 1 if texels <= 1 else min(ceil(texels - 0.5) * 2 + 1, MAX_REFINEMENT)
 
 
+def grazing(height: int, lobe: Lobe) -> float:
+    """Return how far from grazing, in radians, a view must stay for sums over a light of `height` rows.
+
+    Two samples' steps: nearer to it a lobe of facets becomes a ridge between them, narrow as N.V and high as 1 / N.V,
+    of which a sum finds several times too much or nothing.
+    """
+    return 2 * np.pi / (height * refinement(height, lobe))
+
+
+def polar_nodes(lobe: Lobe, views: int, height: int) -> Array:
+    """Return theta_o of the T = `views` maps, evenly from 0 to `widest_view`, the last `grazing` away from it.
+
+    But at most half a step between views: (T,).
+    """
+    widest = widest_view(lobe.centre)
+    theta = np.linspace(0, widest, views)
+    theta[-1] -= min(grazing(height, lobe), theta[1] / 2)
+    return theta
+
+
 def prefilter(
     radiance: NDArray[np.float32], lobe: Lobe, shape: tuple[int, int], eps: float, views: int = 1
 ) -> NDArray[np.float32]:
@@ -71,8 +86,8 @@ def prefilter(
     eps : float
         The cone holds 1 - eps of the lobe.
     views : int
-        T: maps for T polar by T azimuthal local view directions, theta_o = k widest_view / (T - 1) and
-        phi_o = 2 pi k / T; 1 for a radially symmetric lobe, which depends on none.
+        T: maps for T polar (`polar_nodes`) by T azimuthal local view directions, phi_o = 2 pi k / T; 1 for a radially
+        symmetric lobe, which depends on none.
 
     Returns
     -------
@@ -87,7 +102,7 @@ def prefilter(
     from drjit.llvm import Array3f, Float, UInt32
 
     alpha, beta = latlong.angles(*shape)
-    frames = _local_frames(lobe.centre, views) if views > 1 else None
+    frames = _local_frames(lobe.centre, polar_nodes(lobe, views, len(radiance))) if views > 1 else None
 
     lane = dr.arange(UInt32, shape[0] * shape[1] * views * views)
     texel, direction = lane // (views * views), lane % (views * views)
@@ -164,16 +179,13 @@ def _drjit() -> Any:
     return dr
 
 
-def _local_frames(centre: Centre, views: int) -> tuple[Array, Array]:
-    """Return V and N (T * T, 3) in the frame whose z axis is the central direction.
+def _local_frames(centre: Centre, polar: Array) -> tuple[Array, Array]:
+    """Return V and N (T * T, 3), for T polar and T azimuthal angles, in the frame whose z axis is the centre.
 
-    About R the normal is the half vector, at theta_o / 2. About T it is taken to be V's
-    part perpendicular to T: a whole lobe about T knows no other.
+    About R the normal is the half vector, at theta_o / 2. About T it is taken to be V's part perpendicular to T: a
+    whole lobe about T knows no other.
     """
-    widest = widest_view(centre)
-    theta, phi = np.meshgrid(
-        np.minimum(np.linspace(0, widest, views), widest - GRAZING), 2 * np.pi * np.arange(views) / views, indexing="ij"
-    )
+    theta, phi = np.meshgrid(polar, 2 * np.pi * np.arange(len(polar)) / len(polar), indexing="ij")
     polar_of_normal = {Centre.REFLECTION: theta / 2, Centre.NORMAL: 0 * theta, Centre.TANGENT: 0 * theta + np.pi / 2}
     return from_angles(theta, phi).reshape(-1, 3), from_angles(polar_of_normal[centre], phi).reshape(-1, 3)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ from envbench.directions import Array, normalised, perpendicular
 from envbench.environment import Environment
 from envbench.geometry import Points
 from envbench.material import Centre, Lobe
-from methods.angular.prefilter import GRAZING, prefilter_at, width
+from methods.angular.prefilter import grazing, prefilter_at, width
 from methods.cabral import spheremap
 from methods.shrm import SHRM
 
@@ -25,8 +26,6 @@ def queries(index: Centre, view: Array, size: int) -> Points:
     """
     frame = spheremap.frame(view)
     local = spheremap.normals(spheremap.texels(size)).reshape(-1, 3)
-    local[:, 2] = np.maximum(local[:, 2], GRAZING)
-    local = normalised(local)
     normal, view = local @ frame.T, np.broadcast_to(view, local.shape).copy()
     tangent = perpendicular(normal)
     if index is Centre.TANGENT:
@@ -51,14 +50,25 @@ def integrated(
     A lobe narrower than a texel sees light reduced to the map's own resolution, so that no lamp falls between two.
     """
     count = len(views[0])
-    view, normal = (np.concatenate([getattr(points, name) for points in views]) for name in ("view", "normal"))
-    out = np.zeros((len(view), 3), np.float32)
+    own = int(np.pi / 4 * np.sqrt(count))  # a texel at the centre of the disk turns the mirror direction by 4 / size
+    every = _joined(views)
+    out = np.zeros((len(every), 3), np.float32)
     for lobe in lobes:
         rows = light_rows or environment.radiance.shape[0]
-        own = int(
-            np.pi / 4 * np.sqrt(count)
-        )  # a texel at the centre of the disk turns the mirror direction by 4 / size
         light = downsampled(environment, max(min(rows, own), 2) if width(lobe) < np.pi / own else rows)
-        centre = np.concatenate([points.central(lobe.centre) for points in views])
-        out += prefilter_at(light.radiance, lobe, centre, view, normal, eps)
+        seen = _off_grazing(every, grazing(len(light.radiance), lobe)) if lobe.centre is Centre.REFLECTION else every
+        out += prefilter_at(light.radiance, lobe, seen.central(lobe.centre), seen.view, seen.normal, eps)
     return spheremap.padded(out.reshape(len(views), count, 3))
+
+
+def _joined(views: list[Points]) -> Points:
+    parts = ("normal", "normal", "normal", "tangent", "view", "weight")
+    return Points(*(np.concatenate([getattr(points, part) for points in views]) for part in parts))
+
+
+def _off_grazing(points: Points, angle: float) -> Points:
+    """Return the points with normals turned towards the view, where R is less than `angle` from -V."""
+    along, least = np.sum(points.normal * points.view, axis=1, keepdims=True), np.sin(angle / 2)
+    across = normalised(points.normal - along * points.view)
+    normal = np.where(along < least, least * points.view + np.sqrt(1 - least**2) * across, points.normal)
+    return replace(points, normal=normal)

@@ -51,7 +51,7 @@ def test_file_relative_to_where_you_are(tmp_path: Path, monkeypatch: pytest.Monk
         ({"kind": "captured", "name": "studios"}, "did you mean 'studio'"),
         ({"kind": "captured", "name": "studio", "size": 1}, "'size' of light 'captured' must be an int in [2, 4096]"),
         ({"kind": "file", "path": 3}, "'path' of light 'file'"),
-        ({"kind": "file", "path": "no.exr"}, "no.exr: no such file"),
+        ({"kind": "file", "path": "no.exr"}, "no.exr is neither there"),
         ({"kind": "constant", "scale": 0}, "'scale' of light 'constant'"),
         ({"kind": "constant", "scale": float("nan")}, "'scale' of light 'constant'"),
         ({"kind": "constant", "radiance": -1}, "'radiance' of light 'constant' must be a number in [0, 1000000000.0]"),
