@@ -18,6 +18,7 @@ from envbench.records import CellResult, MaterialSheet, RunInfo, SceneResult, St
 from envbench.stability import FACTOR, LEVEL
 from envbench.store import Store
 from reports import numerals
+from reports.claims import claims
 from reports.hard import hard_cases
 from reports.materials import PAPER_ABOVE, PAPER_SAMPLES, PAPER_WORST, materials
 from reports.measured import CLOSE, held
@@ -123,6 +124,7 @@ def _fill(
         hard=hard_cases(scenes, cells, looks),
         hard_factor=FACTOR,
         hard_level=LEVEL,
+        claims=claims(run.suite_text, scenes, cells),
         held=held(scenes, cells),
         close=CLOSE,
         materials=materials(sheets),

@@ -208,10 +208,10 @@ class Cabral(Method):
     def sweep(cls) -> Sequence[Self]:
         return [
             cls(maps=12, size=32, eps=0.03),
-            cls(maps=12, size=64, eps=0.01),
+            cls(maps=12, size=128, eps=0.003),
             cls(maps=42, size=64, eps=0.01),
             cls(maps=42, size=64, prefilter="angular"),
-            cls(maps=162, size=128, eps=0.003),
+            cls(maps=162, size=64, eps=0.003),
         ]
 
     @property

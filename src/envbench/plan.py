@@ -16,7 +16,7 @@ from envbench.method import Method
 from envbench.reference import ReferenceSettings
 from envbench.root import Workbench
 from envbench.scene import Scene
-from envbench.suite import SuiteFile
+from envbench.suite import SuiteFile, TimingSettings
 
 
 @dataclass(frozen=True)
@@ -62,7 +62,7 @@ class Plan:
     suite: str
     text: str
     reference: ReferenceSettings
-    rounds: int
+    timing: TimingSettings
     cells: tuple[CellSpec, ...]
     notes: tuple[str, ...] = ()
     survey: Mapping[str, Spec] = field(default_factory=dict[str, Spec])
@@ -138,7 +138,7 @@ def plan(suite: SuiteFile, bench: Workbench, *, scenes: Sequence[str] = (), meth
     left_out = tuple(f"left out {_listed(names)}: {reason}" for reason, names in absent.items())
     if not cells and not survey:
         raise BadInput(f"suite '{suite.name}' has no scene left. {' '.join(left_out)}")
-    settings = suite.reference, suite.timing.rounds
+    settings = suite.reference, suite.timing
     return Plan(suite.name, suite.text, *settings, tuple(cells), (*left_out, *notes), survey)
 
 

@@ -89,7 +89,7 @@ class Runner:
         scenes = len({cell.scene.name for cell in todo})
         kept = f", {done} finished cells kept" if done else ""
         self.progress.line(f"run {self.run_id}: suite '{self.plan.suite}', {scenes} scenes, {len(todo)} cells{kept}.")
-        self.progress.start(scenes + len(todo) * (1 + self.plan.rounds) + sheets)
+        self.progress.start(scenes + len(todo) * (1 + self.plan.timing.rounds) + sheets)
 
     def _scene(self, spec: SceneSpec, cells: Sequence[CellSpec]) -> None:
         answer = self._open(spec)
@@ -139,7 +139,7 @@ class Runner:
             answer = self._ask_cell(FirstPass(cell))
             if isinstance(answer, Failure):
                 self._settle(_failed(cell, answer))
-            elif not answer.timings or not self.plan.rounds:
+            elif not answer.timings or not self.plan.timing.rounds:
                 self._settle(answer)
             else:
                 live[cell.key] = cell, answer
@@ -147,10 +147,12 @@ class Runner:
 
     def _time(self, live: dict[str, tuple[CellSpec, CellResult]]) -> None:
         """Time the cells of a scene in turn, every other round backwards, the last as planned."""
-        for number in range(self.plan.rounds):
-            for key in list(live)[:: 1 if (self.plan.rounds - number) % 2 else -1]:
+        for number in range(self.plan.timing.rounds):
+            for key in list(live)[:: 1 if (self.plan.timing.rounds - number) % 2 else -1]:
                 cell, result = live[key]
-                if sum(self.calls[key]) + self.calls[key][-1] > self.seconds:  # the rounds so far have to do
+                if sum(self.calls[key]) + self.calls[key][-1] > min(
+                    self.seconds, self.plan.timing.budget
+                ):  # the rounds so far have to do
                     self._settle(live.pop(key)[1])
                     continue
                 answer = self._ask_cell(Round(cell))
@@ -159,7 +161,7 @@ class Runner:
                     self._settle(_failed(cell, answer))
                     continue
                 live[key] = cell, _with_round(result, answer)
-                if number == self.plan.rounds - 1:
+                if number == self.plan.timing.rounds - 1:
                     self._settle(live[key][1])
 
     def _ask_cell(self, request: FirstPass | Round) -> Any:
@@ -186,7 +188,7 @@ class Runner:
         """Store a finished cell."""
         self.store.save_cell(self.run_id, result)
         self.worked += sum(sum(t.rounds) + min(t.first, t.median) for t in result.timings if not t.shared)
-        self.progress.advance(1 + self.plan.rounds - len(self.calls.get(result.key, ())))
+        self.progress.advance(1 + self.plan.timing.rounds - len(self.calls.get(result.key, ())))
         reason = f": {result.reason}" if result.reason else ""
         self.progress.cell(f"{result.scene}  {result.label}  {result.status.value}{reason}", result.status)
 

@@ -18,13 +18,24 @@ Tables = dict[str, dict[str, Any]]
 
 @dataclass(frozen=True)
 class TimingSettings:
-    """How often each phase of each cell is timed after its first call."""
+    """How often each phase of each cell is timed after its first call.
+
+    Attributes
+    ----------
+    rounds : int
+    budget : float
+        Seconds that a cell's calls may take in all: no round begins that would exceed them, and the rounds so far, or
+        the first call, have to do.
+    """
 
     rounds: int = 5
+    budget: float = 120.0
 
     def __post_init__(self) -> None:
         if not 0 <= self.rounds <= 1000:
             raise BadInput(f"rounds must lie in [0, 1000]. Got {self.rounds} instead.")
+        if not 0 < self.budget < float("inf"):
+            raise BadInput(f"budget must be a number of seconds > 0. Got {self.budget} instead.")
 
 
 @dataclass(frozen=True)
@@ -89,6 +100,38 @@ class Survey:
 
 
 @dataclass(frozen=True)
+class Claim:
+    """What a paper says of two methods: on these materials `method` falls short where `beside` is accurate.
+
+    Attributes
+    ----------
+    text, source : str
+        In words, and where it is said.
+    materials : tuple of str
+        It is judged on the scenes of the run with these materials, and with `views` where they are given.
+    method, beside : dict
+        ``name`` of a method and settings that its cells must have; of the cells that fit, the best is taken.
+    level : float
+        NRMSE above which a method falls short.
+    """
+
+    text: str
+    source: str
+    materials: tuple[str, ...]
+    method: dict[str, Any]
+    beside: dict[str, Any]
+    level: float = 0.05
+    views: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        if not 0 < self.level < 1:
+            raise BadInput(f"level must lie in (0, 1). Got {self.level} instead.")
+        for key in ("method", "beside"):
+            if not isinstance(getattr(self, key).get("name"), str):
+                raise BadInput(f"{key} must be a table with the name of a method. Got {getattr(self, key)} instead.")
+
+
+@dataclass(frozen=True)
 class Suite:
     """The content of a suite file.
 
@@ -101,6 +144,8 @@ class Suite:
         is what scenes and knobs know it by, its name if it has none.
     survey : Survey or None
         None: no sheet is made of any material.
+    claims : tuple of Claim
+        What the report judges by the run's measurements.
     """
 
     name: str
@@ -114,6 +159,7 @@ class Suite:
     scenes: tuple[Grid, ...] = ()
     knobs: tuple[Knob, ...] = ()
     methods: tuple[dict[str, Any], ...] = ()
+    claims: tuple[Claim, ...] = ()
     survey: Survey | None = None
 
 
@@ -161,7 +207,14 @@ def parse(text: str, what: str, folder: Path = Path()) -> SuiteFile:
     twice = [knob.name for knob in knobs if sum(other.name == knob.name for other in knobs) > 1]
     if twice:
         raise BadInput(f"{what}: two [[knobs]] are called '{twice[0]}'; give each a name of its own.")
-    parts |= {"scenes": grids, "knobs": knobs, "methods": _tables(table.pop("methods", []), what, "methods")}
+    said = _tables(table.pop("claims", []), what, "claims")
+    claims = tuple(construct(Claim, entry, f"{what}: [[claims]] {i + 1}") for i, entry in enumerate(said))
+    parts |= {
+        "scenes": grids,
+        "knobs": knobs,
+        "claims": claims,
+        "methods": _tables(table.pop("methods", []), what, "methods"),
+    }
     suite = construct(Suite, table, what)
     return replace(SuiteFile(**vars(suite), text=text, folder=folder), **parts)
 
