@@ -241,5 +241,5 @@ def test_wrong_tables_are_refused(spec: dict[str, Any], message: str) -> None:
 
 @pytest.mark.parametrize("kind", ["uniform", "cap", "grazing"])
 def test_queries_want_the_sphere(kind: str, tmp_path: Path) -> None:
-    with pytest.raises(BadInput, match=f"{kind} queries need the sphere; give 'ball' an image instead"):
+    with pytest.raises(BadInput, match=f"{kind} queries need the sphere; give 'ball' an image or its vertices instead"):
         build({"kind": kind}, ball(tmp_path / "ball.npz", 1))
