@@ -32,7 +32,7 @@ from data_gen.geometry.mitsuba_shape import mitsuba_mesh
 from data_gen.geometry.poses import Rest
 from data_gen.geometry.presets import GEOMETRIES
 from data_gen.geometry.surfaces import SURFACES, Cylinder, Torus, Vase
-from envbench.errors import BadInput, unknown
+from envbench.errors import BadInput
 from envbench.geometry import Geometry
 
 __all__ = ["GEOMETRIES", "SUFFIXES", "build", "mitsuba_mesh", "read"]
@@ -55,7 +55,7 @@ class _Mesh:
     kind: ClassVar[str] = "mesh"
 
     path: Any = None
-    convex: bool | None = None
+    convex: Any = None
     up: str = "z"
 
     def __post_init__(self) -> None:

@@ -110,12 +110,14 @@ def _check(path: Path, vertices: Array, triangles: NDArray[Any], normals: Array 
     if not len(triangles):
         raise BadInput(f"mesh '{path}' holds no triangles; export it with its faces.")
     if len(triangles) > MAX_TRIANGLES:
-        raise BadInput(f"mesh '{path}' has {len(triangles):,} triangles; at most {MAX_TRIANGLES:,} are read: reduce it.")
+        raise BadInput(
+            f"mesh '{path}' has {len(triangles):,} triangles; at most {MAX_TRIANGLES:,} are read: reduce it."
+        )
     if not np.issubdtype(triangles.dtype, np.integer):
         raise BadInput(f"mesh '{path}': triangles are {triangles.dtype}; integers are needed.")
     if triangles.min() < 0 or triangles.max() >= len(vertices):
         worst = triangles.max() if triangles.max() >= len(vertices) else triangles.min()
         raise BadInput(f"mesh '{path}': a triangle names vertex {worst} of {len(vertices)} (from 0); write it again.")
     for what, array in (("vertices", vertices), ("normals", normals), ("uv", uv)):
-        if array is not None and not np.isfinite(array).all(axis=1)[triangles].all():
+        if array is not None and not np.all(np.isfinite(array), axis=1)[triangles].all():
             raise BadInput(f"mesh '{path}' holds NaN or infinite {what}; mend it first.")

@@ -10,8 +10,8 @@ by a that maximises tr(Rz(a)^T A) = (A_11 + A_22) cos a + (A_21 - A_12) sin a, t
 
     a = atan2(A_21 - A_12, A_11 + A_22).
 
-With n' as above det A >= 0, so the two arguments vanish together only where A = 0. The frames are orthonormal whatever F
-is, and so is R = (t', b', n') Rz(a) (t, b, n)^T.
+With n' as above det A >= 0, so the two arguments vanish together only where A = 0. The frames are orthonormal whatever
+F is, and so is R = (t', b', n') Rz(a) (t, b, n)^T.
 """
 
 from __future__ import annotations
@@ -65,8 +65,9 @@ def surface_rotations(normals: Array, posed: Array, F: Array) -> Array:
     sine = np.sum(beside * ft, axis=1) - np.sum(turned * fb, axis=1)
     angle = np.arctan2(sine, np.sum(turned * ft, axis=1) + np.sum(beside * fb, axis=1))[:, None]
     first = np.cos(angle) * turned + np.sin(angle) * beside
-    pairs = ((first, t), (np.cross(posed, first), b), (posed, normals))
-    return sum((new[:, :, None] * old[:, None, :] for new, old in pairs), np.zeros((len(t), 3, 3)))
+    before = np.stack([t, b, normals], axis=1)
+    after = np.stack([first, np.cross(posed, first), posed], axis=2)
+    return np.einsum("nij,njk->nik", after, before)
 
 
 def vertex_gradients(mesh: TriangleMesh, posed: Array) -> Array:
@@ -76,9 +77,7 @@ def vertex_gradients(mesh: TriangleMesh, posed: Array) -> Array:
     """
     rest, after = _edges(mesh.vertices, mesh.triangles), _edges(posed, mesh.triangles)
     area = np.linalg.norm(np.cross(rest[:, 0], rest[:, 1]), axis=1) / 2
-    basis, image = (
-        np.concatenate([e, normalised(np.cross(e[:, 0], e[:, 1]))[:, None]], axis=1) for e in (rest, after)
-    )
+    basis, image = (np.concatenate([e, normalised(np.cross(e[:, 0], e[:, 1]))[:, None]], axis=1) for e in (rest, after))
     basis[area == 0] = np.eye(3)
     gradients = area[:, None, None] * np.linalg.solve(basis, image).swapaxes(1, 2)
     summed = at_vertices(gradients.reshape(-1, 9), mesh.triangles, len(posed)).reshape(-1, 3, 3)
@@ -95,9 +94,7 @@ def uv_tangents(mesh: TriangleMesh) -> Array:
     if mesh.uv is None:
         return np.zeros_like(mesh.normals)
     edges = _edges(mesh.vertices, mesh.triangles)
-    (u1, v1), (u2, v2) = (
-        (mesh.uv[mesh.triangles[:, k]] - mesh.uv[mesh.triangles[:, 0]]).T for k in (1, 2)
-    )
+    (u1, v1), (u2, v2) = ((mesh.uv[mesh.triangles[:, k]] - mesh.uv[mesh.triangles[:, 0]]).T for k in (1, 2))
     # e_k = u_k dp/du + v_k dp/dv for two edges: dp/du by Cramer's rule, of which the direction is wanted
     determinant = u1 * v2 - u2 * v1
     size = np.hypot(u1, v1) * np.hypot(u2, v2)
@@ -114,7 +111,7 @@ def at_vertices(values: Array, triangles: NDArray[np.int32], count: int) -> Arra
     """Return the sums (V, C) at the vertices of the values (F, C) of the triangles that adjoin them."""
     corners = triangles.T.ravel()
     columns = [np.bincount(corners, np.tile(column, 3), minlength=count) for column in values.T]
-    return np.stack(columns, axis=1)
+    return np.stack(columns, axis=1).astype(float)
 
 
 def _edges(vertices: Array, triangles: NDArray[np.int32]) -> Array:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
@@ -32,7 +32,7 @@ class Patch:
     kind: ClassVar[str] = "patch"
 
     texture: str | None = None
-    image: str | None = None
+    image: Any = None
     resolution: Any = RESOLUTION
     tiles: Any = 1
     size: Any = 1.0
@@ -49,6 +49,8 @@ class Patch:
             raise BadInput("a patch has either a texture or an image; give exactly one of them.")
         if self.texture is not None and self.texture not in (*reliefs.RELIEFS, "wrinkle"):
             raise unknown("texture", str(self.texture), [*reliefs.RELIEFS, "wrinkle"])
+        if self.image is not None:
+            p.path("image", self.image)
         wrinkle = self.texture == "wrinkle"
         limits = {"height": (-1e3, 1e3), "depth": (0, 1e3), "location": (-1e3, 1e3), "width": (1e-3, 1)}
         for key, (low, high) in limits.items():
@@ -56,7 +58,9 @@ class Patch:
             if value is None:
                 continue
             if (key == "height") == wrinkle:
-                raise BadInput(f"{key} is no setting of {'a wrinkle' if wrinkle else 'this texture: a wrinkle has it'}.")
+                raise BadInput(
+                    f"{key} is no setting of {'a wrinkle' if wrinkle else 'this texture: a wrinkle has it'}."
+                )
             p.number(key, value, low, high)
 
     def geometry(self, name: str) -> Geometry:

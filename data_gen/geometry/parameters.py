@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import MISSING, fields
+from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
@@ -45,9 +46,16 @@ def lengths(name: str, value: Any) -> tuple[float, float]:
     return number(name, both[0], 1e-6, 1e6), number(name, both[1], 1e-6, 1e6)
 
 
+def path(name: str, value: Any) -> Path:
+    """Return the path of a file, checked to be text."""
+    if not isinstance(value, str | Path) or not str(value):
+        raise BadInput(f"{name} must name a file. Got {value!r} instead.")
+    return Path(value)
+
+
 def axis(name: str, value: Any) -> int:
     """Return the number of an axis "x", "y" or "z"."""
-    if value not in AXES:
+    if not isinstance(value, str) or value not in AXES:
         raise BadInput(f"{name} must be 'x', 'y' or 'z'. Got {value!r} instead.")
     return AXES[value]
 

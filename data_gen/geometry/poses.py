@@ -84,7 +84,10 @@ class Keyed:
 
     kind: ClassVar[str] = "file"
 
-    path: str
+    path: Any
+
+    def __post_init__(self) -> None:
+        p.path("path", self.path)
 
     def at(self, rest: Rest) -> tuple[Array, Array, Array]:
         """Return posed places (V, 3), gradients (V, 3, 3) and normals (V, 3)."""
@@ -143,14 +146,19 @@ def _first(made: Any, rest: Rest) -> _State:
         case Skin():
             own, back = rest.turn, rest.turn.T  # of rows: x own are the file's axes, x back ours
             x, F, normals = made.at(rest.file, rest.count, rest.kept, mesh.vertices @ own, mesh.normals @ own)
-            places, F, normals = x @ back, rest.turn @ F @ rest.turn.T, normals @ back
+            state = x @ back, rest.turn @ F @ rest.turn.T, normals @ back
         case Keyed():
-            places, F, normals = made.at(rest)
+            state = made.at(rest)
         case Onto():
-            places, F = made.at(mesh)
-            return places, F, posed_normals(mesh.normals, F)
+            places, gradients = made.at(mesh)
+            return places, gradients, posed_normals(mesh.normals, gradients)
         case _:
             return _then(made, mesh.vertices, np.broadcast_to(np.eye(3), (len(mesh.vertices), 3, 3)), mesh.normals)
+    return _with_normals(mesh, *state)
+
+
+def _with_normals(mesh: TriangleMesh, places: Array, F: Array, normals: Array) -> _State:
+    """Give those without a posed normal the one that F carries."""
     lost = ~normals.any(axis=1)
     normals[lost] = posed_normals(mesh.normals[lost], F[lost])
     return places, F, normals
@@ -168,7 +176,9 @@ def _notes(places: Array, mesh: TriangleMesh, F: Array) -> tuple[str, ...]:
     notes: list[str] = []
     folded = int(np.count_nonzero(np.linalg.det(F) <= 0))
     if folded:
-        notes.append(f"the pose folds the shape at {folded} of {len(F)} vertices (its gradient is singular or reflects).")
+        notes.append(
+            f"the pose folds the shape at {folded} of {len(F)} vertices (its gradient is singular or reflects)."
+        )
     a, b, c = (places[mesh.triangles[:, k]] for k in range(3))
     lost = int(np.count_nonzero(~np.cross(b - a, c - a).any(axis=1)))
     if lost:

@@ -29,8 +29,8 @@ _VASE = {"kind": "onto", "surface": "vase"}
 _TORUS = {"kind": "onto", "surface": {"kind": "torus", "radius": 0.45, "tube": 0.28}}
 _LEAN = {"kind": "bend", "degrees": 50.0, "axis": "z", "towards": "x"}
 
-# In the file's axes: the arm of handle 0 is raised by 50 degrees about -z through its shoulder. Row by row, with c and s
-# the cosine and sine, p the shoulder: x' = c (x - p_x) + s (y - p_y) + p_x, y' = -s (x - p_x) + c (y - p_y) + p_y.
+# In the file's axes: the arm of handle 0 is raised by 50 degrees about -z through its shoulder. Row by row, with c and
+# s the cosine and sine, p the shoulder: x' = c (x - p_x) + s (y - p_y) + p_x, y' = -s (x - p_x) + c (y - p_y) + p_y.
 _C, _S, _SHOULDER = 0.6427876, 0.7660444, (-0.13, 0.16)
 _STILL = [1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0]
 _RAISED = [
@@ -50,7 +50,7 @@ GEOMETRIES: dict[str, dict[str, Any]] = {
     "armadillo": _mesh("armadillo"),
     "armadillo-waving": _mesh("armadillo", kind="skin", transforms=[_RAISED, _STILL, _STILL, _STILL, _STILL]),
     "elephant": _mesh("elephant"),
-    "elephant-walking": _mesh("elephant", kind="skin", frame=100.0),
+    "elephant-posed": _mesh("elephant", kind="skin", frame=100.0),
     "spot": _mesh("spot"),
     "spot-stretched": _mesh("spot", kind="stretch", factor=1.4, axis="z"),
     "bunny": _mesh("bunny"),

@@ -23,11 +23,21 @@ def bumps(s: Array, t: Array) -> Array:
 def weave(s: Array, t: Array) -> Array:
     """Plain weave of two by two threads, the upper of which is seen.
 
-    Threads along t have the cross-section |sin 2 pi s| and go up and down as 1 +- sin 2 pi t, by turns; those along s
-    go the other way.
+    Threads along t have the cross-section |S|, S = sin 2 pi s, and lie at (1 + sign(S) T) / 2, T = sin 2 pi t, by turns
+    over and under those along s: heights (|S| + S T) / 2 and (|T| - S T) / 2. Both |x| and the greater of the two are
+    rounded off, over `ROUNDING` of the height, so that a mesh can hold the creases.
     """
     S, T = np.sin(2 * np.pi * s), np.sin(2 * np.pi * t)
-    return (np.maximum(np.abs(S), np.abs(T) - 2 * S * T) + S * T) / 2
+    along_t, along_s = (_rounded(S) + S * T) / 2, (_rounded(T) - S * T) / 2
+    return (along_t + along_s + _rounded(along_t - along_s)) / 2
+
+
+ROUNDING = 0.2
+
+
+def _rounded(x: Array) -> Array:
+    """Return |x| with its corner rounded: 0 at 0, 1 at 1."""
+    return (np.hypot(x, ROUNDING) - ROUNDING) / (np.hypot(1, ROUNDING) - ROUNDING)
 
 
 def swirl(s: Array, t: Array) -> Array:

@@ -31,7 +31,8 @@ class Skin:
     """The skeleton of an .npz at a `time` in [0, 1] of its keys, at a `frame` of its sequence, or at `transforms`.
 
     `transforms` gives each bone a 3 x 4 matrix, or 12 numbers row by row. Between keys and frames rotations are
-    interpolated on the sphere (slerp), translations linearly. `path` names another file than the mesh's own.
+    interpolated on the sphere (slerp) and translations linearly, transforms that are not rigid entry by entry. `path`
+    names another file than the mesh's own.
     """
 
     kind: ClassVar[str] = "skin"
@@ -39,7 +40,7 @@ class Skin:
     time: float | None = None
     frame: float | None = None
     transforms: Any = None
-    path: str | None = None
+    path: Any = None
 
     def __post_init__(self) -> None:
         if sum(value is not None for value in (self.time, self.frame, self.transforms)) != 1:
@@ -48,6 +49,8 @@ class Skin:
             p.number("time", self.time, 0, 1)
         if self.frame is not None:
             p.number("frame", self.frame, 0, 1e6)
+        if self.path is not None:
+            p.path("path", self.path)
 
     def at(self, file: Path | None, count: int, kept: NDArray[np.int_], x: Array, n: Array) -> tuple[Array, ...]:
         """Return posed places (V, 3), the gradients F (V, 3, 3), and posed normals (V, 3).
@@ -87,7 +90,7 @@ class Skin:
             frames = _named(arrays, "key_transforms", name, "frame", "give transforms or a time")
             if self.frame > len(frames) - 1:
                 raise BadInput(f"frame must be at most {len(frames) - 1} in '{name}'. Got {self.frame!r} instead.")
-            return _between(frames.astype(float), np.arange(len(frames)), self.frame)
+            return _between(frames.astype(float), np.arange(float(len(frames))), self.frame)
         keys = _named(arrays, "key_local", name, "time", "give a frame or transforms").astype(float)
         times = np.asarray(arrays["key_times"], float)
         local = _between(keys[:, :, :3], times, times[0] + float(self.time or 0) * (times[-1] - times[0]))
@@ -125,17 +128,27 @@ def _slots(arrays: Arrays, file: str, count: int) -> list[tuple[NDArray[np.int_]
     if "skin_indices" in arrays:
         indices = np.asarray(arrays["skin_indices"], int)
         if indices.shape != weights.shape or indices.min() < 0:
-            raise BadInput(f"skin_indices of '{file}' must be bones (from 0) in the shape {weights.shape} of the weights.")
+            raise BadInput(
+                f"skin_indices of '{file}' must be bones (from 0) in the shape {weights.shape} of the weights."
+            )
     else:
         indices = np.broadcast_to(np.arange(weights.shape[1]), weights.shape)
     total = weights.sum(1)
     wrong = ~(np.abs(total - 1) <= WEIGHT_SUM)  # NaN too
     if wrong.any():
         vertex = int(np.flatnonzero(wrong)[0])
-        raise BadInput(f"skin weights of vertex {vertex} in '{file}' sum to {total[vertex]:.4g}, not 1: normalise them.")
+        raise BadInput(
+            f"skin weights of vertex {vertex} in '{file}' sum to {total[vertex]:.4g}, not 1: normalise them."
+        )
     if weights.min() < -WEIGHT_SUM:
         raise BadInput(f"skin weights of '{file}' reach {weights.min():.3g}; they must not be negative.")
     return [(indices[:, k], weights[:, k] / total) for k in range(weights.shape[1])]
+
+
+def _rigid(transforms: Array) -> bool:
+    """Tell whether the matrices of transforms (B, 3, 4) are rotations, to single precision."""
+    A = transforms[:, :, :3]
+    return bool(np.abs(A @ A.swapaxes(1, 2) - np.eye(3)).max() < 1e-3 and (np.linalg.det(A) > 0).all())
 
 
 def _between(keys: Array, times: Array, time: float) -> Array:
@@ -149,6 +162,8 @@ def _between(keys: Array, times: Array, time: float) -> Array:
         return keys[after - 1]
     first, last = keys[after - 1], keys[after]
     share = (time - times[after - 1]) / (times[after] - times[after - 1])
+    if not all(_rigid(key) for key in (first, last)):
+        return (1 - share) * first + share * last
     start, end = Rotation.from_matrix(first[:, :, :3]), Rotation.from_matrix(last[:, :, :3])
     turned = start * Rotation.from_rotvec(share * (start.inv() * end).as_rotvec())
     place = (1 - share) * first[:, :, 3] + share * last[:, :, 3]

@@ -24,7 +24,7 @@ Triangles = NDArray[np.int32]
 
 @dataclass(frozen=True, eq=False)
 class Sound:
-    """A mesh that can be used: the indices `kept` of the file's vertices, whether it is closed, convex; what was done."""
+    """A mesh that can be used: which of the file's vertices were `kept`, whether it is closed, and what was done."""
 
     mesh: TriangleMesh
     kept: NDArray[np.int_]

@@ -38,7 +38,7 @@ class Surface(Protocol):
         """Return the angle p at u = 0, and how far it goes in radians, for a patch of a size."""
         ...
 
-    def profile(self, v: Array, size: Size) -> Curve:
+    def curve(self, v: Array, size: Size) -> Curve:
         """Return the profile at v (n,)."""
         ...
 
@@ -48,7 +48,7 @@ def thick(surface: Surface, u: Array, v: Array, h: Array, size: Size) -> tuple[A
     start, arc = surface.arc(size)
     whole = np.isclose(arc, 2 * np.pi, rtol=0, atol=1e-12)
     angle = start + arc * (np.mod(u, 1) if whole else u)  # the seam's two sides are at one place, to the last bit
-    (r, z), (r1, z1), (r2, z2) = surface.profile(v, size)
+    (r, z), (r1, z1), (r2, z2) = surface.curve(v, size)
     speed = np.hypot(r1, z1)
     speed = np.where(speed > 0, speed, 1)
     nr, nz = z1 / speed, -r1 / speed
@@ -79,7 +79,7 @@ class Bent:
         radians = float(np.radians(self.degrees))
         return -radians / 2, radians
 
-    def profile(self, v: Array, size: Size) -> Curve:
+    def curve(self, v: Array, size: Size) -> Curve:
         return _straight(v, size[0] / float(np.radians(self.degrees)), size[1])
 
 
@@ -99,7 +99,7 @@ class Cylinder:
     def arc(self, size: Size) -> tuple[float, float]:
         return 0.0, 2 * np.pi
 
-    def profile(self, v: Array, size: Size) -> Curve:
+    def curve(self, v: Array, size: Size) -> Curve:
         return _straight(v, self.radius, self.length)
 
 
@@ -112,22 +112,22 @@ class Vase:
 
     kind: ClassVar[str] = "vase"
 
-    profile_points: Any = VASE
+    profile: Any = VASE
 
     def __post_init__(self) -> None:
-        points = p.array("profile_points", self.profile_points, (None, 2))
+        points = p.array("profile", self.profile, (None, 2))
         if len(points) < 2 or (points[:, 0] <= 0).any():
-            raise BadInput("profile_points must be at least two pairs of a radius above 0 and a height.")
+            raise BadInput("profile must be at least two pairs of a radius above 0 and a height.")
         if (np.linalg.norm(np.diff(points, axis=0), axis=1) <= 0).any():
-            raise BadInput("profile_points must not repeat a point.")
+            raise BadInput("profile must not repeat a point.")
 
     def arc(self, size: Size) -> tuple[float, float]:
         return 0.0, 2 * np.pi
 
-    def profile(self, v: Array, size: Size) -> Curve:
+    def curve(self, v: Array, size: Size) -> Curve:
         from scipy.interpolate import CubicSpline
 
-        points = np.array(self.profile_points, float)
+        points = np.array(self.profile, float)
         chords = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
         spline = CubicSpline(chords / chords[-1], points, bc_type="natural")
         return spline(v).T, spline(v, 1).T, spline(v, 2).T
@@ -151,7 +151,7 @@ class Torus:
     def arc(self, size: Size) -> tuple[float, float]:
         return 0.0, 2 * np.pi
 
-    def profile(self, v: Array, size: Size) -> Curve:
+    def curve(self, v: Array, size: Size) -> Curve:
         angle = 2 * np.pi * np.mod(v, 1)
         cosine, sine = self.tube * np.cos(angle), self.tube * np.sin(angle)
         once, twice = 2 * np.pi, (2 * np.pi) ** 2

@@ -70,7 +70,7 @@ class Image:
         notes = (f"{away} of {len(front)} covered pixels are left out: their normal faces away.",) if away else ()
         pixel = np.stack(np.divmod(np.flatnonzero(hit), self.size), axis=1).astype(np.int32)
         points = Points(
-            **spot.of(front), view=view[front], weight=equal(np.count_nonzero(front)),
+            **spot.of(front), view=view[front], weight=equal(int(np.count_nonzero(front))),
             pixel=pixel[front], image_shape=(self.size, self.size), notes=notes,
         )  # fmt: skip
         return points, viewer
@@ -134,4 +134,3 @@ def _meet_mesh(mesh: TriangleMesh, origins: Array, rays: Array) -> tuple[NDArray
     hit = np.array(found.is_valid())
     v, w = np.array(found.prim_uv, dtype=float)[:, hit]
     return hit, np.array(found.prim_index)[hit].astype(np.int32), np.stack([1 - v - w, v, w], axis=1)
-

@@ -41,7 +41,8 @@ class _Queries(ABC):
 
         if geometry.mesh is not None:
             raise BadInput(
-                f"view '{name}': {self.kind} queries need the sphere; give '{geometry.name}' an image or its vertices instead."
+                f"view '{name}': {self.kind} queries need the sphere; give '{geometry.name}' an image or its vertices"
+                " instead."
             )
         exponent = (self.count - 1).bit_length()
         dimensions = 4 if self.direction is None else 2

@@ -72,7 +72,7 @@ def _at_vertices(mesh: TriangleMesh) -> tuple[Array, NDArray[np.int32], NDArray[
     vertex = mesh.triangles.T.ravel()
     side = np.tile(np.arange(len(mesh.triangles), dtype=np.int32), 3)
     cosine = np.sum(normalised(cross)[side] * mesh.normals[vertex], axis=1)
-    cosine[~cross.any(axis=1)[side]] = -1
+    cosine[np.linalg.norm(cross, axis=1)[side] == 0] = -1
     order = np.lexsort((cosine, vertex))  # by vertex, the best last
     last = order[np.flatnonzero(np.diff(vertex[order], append=-1))]
     triangle, corner = np.zeros(len(area), np.int32), np.zeros(len(area), int)
