@@ -89,7 +89,7 @@ def build(spec: Mapping[str, Any], name: str = "geometry") -> Geometry:
     (4096, 3, 3)
     """
     what = f"geometry '{name}'"
-    revolved = spec.get("kind") in SURFACES
+    revolved = str(spec.get("kind")) in SURFACES
     made: Any = p.made(what, KINDS, spec, ["pose", "resolution"] if revolved else ["pose"])
     try:
         rest, geometry = _rest(made, spec, name)

@@ -102,6 +102,9 @@ class Keyed:
             found = angle_weighted_normals(places, triangles, welded(rest.mesh.vertices))
         else:
             found = normalised(normals[rest.kept] @ rest.turn.T)
+            a, b, c = (places[triangles[:, k]] for k in range(3))
+            if np.sum(np.cross(b - a, c - a) * found[triangles].sum(1)) < 0:  # of a mesh that was inside out
+                found = -found
         return places, F, found
 
 
