@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-import data_gen.geometry
+import data_gen.geometry.mitsuba_shape
 import data_gen.mitsuba_bsdf
 import data_gen.mitsuba_estimator
 import data_gen.mitsuba_light
@@ -32,7 +32,7 @@ from envbench.scene import Scene
 
 SOURCES = (
     direct,
-    data_gen.geometry,
+    data_gen.geometry.mitsuba_shape,
     data_gen.mitsuba_bsdf,
     data_gen.mitsuba_estimator,
     data_gen.mitsuba_light,

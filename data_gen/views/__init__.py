@@ -8,6 +8,7 @@ kind         settings
 `grazing`    `degrees`: the angle of N and V; `count`, `seed`
 `image`      `size` (pixels a side) and either a distant `direction` (towards the viewer, orthographic), or
              an `eye` with `fov` (degrees across the image) looking at `target`; `up` is upright in the image
+`vertices`   the vertices of a mesh in its pose, weighted by area: all, or `count` of them
 ===========  ===========================================================================================
 
 All but images have a view of their own at each point, and no viewer, unless a distant `direction` is given.
@@ -21,6 +22,7 @@ from typing import Any, ClassVar, Protocol
 
 from data_gen.views.image import Image
 from data_gen.views.queries import Cap, Grazing, Uniform
+from data_gen.views.vertices import Vertices
 from envbench.errors import BadInput, unknown
 from envbench.geometry import Geometry, Points, Viewer
 
@@ -56,7 +58,7 @@ def build(spec: Mapping[str, Any], geometry: Geometry, name: str = "view") -> tu
     >>> len(points), viewer.direction
     (52, (0.0, 0.0, 1.0))
     """
-    kinds: dict[str, type[Any]] = {view.kind: view for view in (Uniform, Cap, Grazing, Image)}
+    kinds: dict[str, type[Any]] = {view.kind: view for view in (Uniform, Cap, Grazing, Image, Vertices)}
     kind = str(spec.get("kind"))
     if kind not in kinds:
         raise unknown(f"kind of view '{name}':", kind, kinds)

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from data_gen.geometry import mitsuba_mesh
 from data_gen.views import parameters as p
 from data_gen.views.parameters import Vector
-from data_gen.views.points import equal, sphere_uv
+from data_gen.views.points import Spots, equal, on_mesh, sphere_uv
 from envbench import llvm
-from envbench.directions import Array, normalised
+from envbench.directions import Array, normalised, perpendicular
 from envbench.errors import BadInput
 from envbench.geometry import Geometry, Points, TriangleMesh, Viewer
 
@@ -54,27 +54,23 @@ class Image:
 
     def points(self, geometry: Geometry, name: str) -> tuple[Points, Viewer]:
         """Find what each pixel sees."""
-        geometry = geometry.posed
-        origins, rays, viewer = self._camera(geometry)
-        if geometry.mesh is None:
-            hit, position, normal, geometric = _meet_sphere(origins, rays)
-            triangle = barycentric = None
-            uv = sphere_uv(position)
+        posed = geometry.posed
+        origins, rays, viewer = self._camera(posed)
+        if posed.mesh is None:
+            hit, position = _meet_sphere(origins, rays)
+            spot = Spots(position, position, position, perpendicular(position), uv=sphere_uv(position))
         else:
-            hit, triangle, barycentric = _meet_mesh(geometry.mesh, origins, rays)
-            position, normal, geometric, uv = _on_mesh(geometry.mesh, triangle, barycentric)
+            hit, triangle, barycentric = _meet_mesh(posed.mesh, origins, rays)
+            spot = on_mesh(geometry, triangle, barycentric)
         view = -rays[hit]
-        front = (np.sum(normal * view, axis=1) > 0) & (np.sum(geometric * view, axis=1) > 0)
+        front = (np.sum(spot.normal * view, axis=1) > 0) & (np.sum(spot.geometric_normal * view, axis=1) > 0)
         if not front.any():
             raise BadInput(f"view '{name}' sees nothing of '{geometry.name}'; move its eye, target or direction.")
         away = int(np.count_nonzero(~front))
         notes = (f"{away} of {len(front)} covered pixels are left out: their normal faces away.",) if away else ()
         pixel = np.stack(np.divmod(np.flatnonzero(hit), self.size), axis=1).astype(np.int32)
-        points = equal(
-            position[front], normal[front], geometric[front], view[front],
-            triangle=None if triangle is None else triangle[front],
-            barycentric=None if barycentric is None else barycentric[front],
-            uv=None if uv is None else uv[front],
+        points = Points(
+            **spot.of(front), view=view[front], weight=equal(int(np.count_nonzero(front))),
             pixel=pixel[front], image_shape=(self.size, self.size), notes=notes,
         )  # fmt: skip
         return points, viewer
@@ -120,14 +116,13 @@ def _upright(towards: Array, up: Vector) -> tuple[Array, Array]:
     return right, np.cross(towards, right)
 
 
-def _meet_sphere(origins: Array, rays: Array) -> tuple[NDArray[np.bool_], Array, Array, Array]:
-    """Meet the unit sphere: which rays hit; position, normal and geometric normal of those that do."""
+def _meet_sphere(origins: Array, rays: Array) -> tuple[NDArray[np.bool_], Array]:
+    """Meet the unit sphere: which rays hit; position, which is the normal, of those that do."""
     b = np.sum(origins * rays, axis=1)
     discriminant = b * b - np.sum(origins * origins, axis=1) + 1
     hit = (discriminant > 0) & (b < 0)
     distance = -b[hit] - np.sqrt(discriminant[hit])
-    position = normalised(origins[hit] + distance[:, None] * rays[hit])
-    return hit, position, position, position
+    return hit, normalised(origins[hit] + distance[:, None] * rays[hit])
 
 
 def _meet_mesh(mesh: TriangleMesh, origins: Array, rays: Array) -> tuple[NDArray[np.bool_], NDArray[np.int32], Array]:
@@ -139,17 +134,3 @@ def _meet_mesh(mesh: TriangleMesh, origins: Array, rays: Array) -> tuple[NDArray
     hit = np.array(found.is_valid())
     v, w = np.array(found.prim_uv, dtype=float)[:, hit]
     return hit, np.array(found.prim_index)[hit].astype(np.int32), np.stack([1 - v - w, v, w], axis=1)
-
-
-def _on_mesh(
-    mesh: TriangleMesh, triangle: NDArray[np.int32], barycentric: Array
-) -> tuple[Array, Array, Array, Array | None]:
-    corners = mesh.triangles[triangle]
-
-    def blend(attribute: Array) -> Array:
-        return np.einsum("nk,nkc->nc", barycentric, attribute[corners])
-
-    a, b, c = (mesh.vertices[corners[:, k]] for k in range(3))
-    geometric = normalised(np.cross(b - a, c - a))
-    uv = None if mesh.uv is None else blend(mesh.uv)
-    return blend(mesh.vertices), normalised(blend(mesh.normals)), geometric, uv

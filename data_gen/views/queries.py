@@ -15,7 +15,7 @@ import numpy as np
 
 from data_gen.views import parameters as p
 from data_gen.views.parameters import Vector
-from data_gen.views.points import equal, sphere_uv
+from data_gen.views.points import Spots, equal, sphere_uv
 from envbench.directions import Array, from_angles, normalised, perpendicular
 from envbench.errors import BadInput
 from envbench.geometry import Geometry, Points, Viewer
@@ -41,7 +41,8 @@ class _Queries(ABC):
 
         if geometry.mesh is not None:
             raise BadInput(
-                f"view '{name}': {self.kind} queries need the sphere; give '{geometry.name}' an image instead."
+                f"view '{name}': {self.kind} queries need the sphere; give '{geometry.name}' an image or its vertices"
+                " instead."
             )
         exponent = (self.count - 1).bit_length()
         dimensions = 4 if self.direction is None else 2
@@ -51,7 +52,8 @@ class _Queries(ABC):
         else:
             view, viewer = np.tile(self.direction, (self.count, 1)), Viewer(direction=self.direction)
         normal = self._normal(u[:, 0], 2 * np.pi * u[:, 1], view)
-        return equal(normal, normal, normal, view, uv=sphere_uv(normal)), viewer
+        spot = Spots(normal, normal, normal, perpendicular(normal), uv=sphere_uv(normal))
+        return Points(**spot.of(), view=view, weight=equal(self.count)), viewer
 
     @abstractmethod
     def _normal(self, u: Array, azimuth: Array, view: Array) -> Array:

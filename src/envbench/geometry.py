@@ -80,6 +80,8 @@ class Geometry:
             return "unit sphere"
         parts = [self.mesh.vertices, self.mesh.triangles, self.mesh.normals]
         convex = [self.convex]
+        if self.mesh.uv is not None:
+            parts += [self.mesh.uv]
         if self.pose is not None:
             parts += [self.pose.vertices, self.pose.normals, self.pose.rotations]
             convex += [self.pose.convex]

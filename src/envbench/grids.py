@@ -136,10 +136,26 @@ def worded(value: Any) -> str:
             return str(value)
 
 
+_FILES = ("path", "image")
+"""Keys of a table, or of one within it, that name a file."""
+
+
 def _placed(spec: Spec, suite: Suite) -> Spec:
-    """Return a table whose path begins at the suite's folder, else where envbench was started."""
-    beside = getattr(suite, "folder", Path()) / str(spec.get("path", ""))
-    return {**spec, "path": str(beside)} if "path" in spec and beside.exists() else dict(spec)
+    """Return a table whose paths begin at the suite's folder, else where envbench was started."""
+    folder: Path = getattr(suite, "folder", Path())
+
+    def placed(key: str, value: Any) -> Any:
+        match value:
+            case Mapping():
+                return {str(inner): placed(str(inner), entry) for inner, entry in value.items()}
+            case [*entries]:
+                return [placed("", entry) for entry in entries]
+            case str() if key in _FILES and value and (folder / value).exists():
+                return str(folder / value)
+            case _:
+                return value
+
+    return placed("", spec)
 
 
 def _turned(spec: Spec, kind: str, path: str, value: Any, knob: Knob, suite: Suite, bench: Workbench) -> Spec:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,11 +11,13 @@ import pytest
 import trimesh
 from scipy import stats
 
+from data_gen.geometry import build as build_geometry
 from data_gen.geometry import read
+from data_gen.geometry.frames import nearest_rotations
 from data_gen.views import VIEWS, build
 from envbench.directions import from_angles, normalised, perpendicular
 from envbench.errors import BadInput
-from envbench.geometry import Geometry, Points, Viewer
+from envbench.geometry import Geometry, Points, Pose, Viewer
 
 SPHERE = Geometry("sphere")
 
@@ -161,10 +164,14 @@ def test_an_eye_sees_the_sphere_in_perspective() -> None:
     np.testing.assert_allclose(x, 2 * (points.pixel[:, 1] + 0.5) / 64 - 1, atol=1e-12)
 
 
-def ball(path: Path, subdivisions: int = 4) -> Geometry:
+def ball_file(path: Path, subdivisions: int = 4) -> Path:
     mesh: Any = trimesh.creation.icosphere(subdivisions=subdivisions)
     np.savez(path, vertices=mesh.vertices, triangles=mesh.faces, normals=mesh.vertices, uv=mesh.vertices[:, :2])
-    return read(path)
+    return path
+
+
+def ball(path: Path, subdivisions: int = 4) -> Geometry:
+    return read(ball_file(path, subdivisions))
 
 
 @pytest.mark.parametrize("camera", [{"direction": [0.3, -1, 0.2]}, {"eye": [0, -4, 1], "fov": 35, "target": [0, 0, 0]}])
@@ -241,5 +248,130 @@ def test_wrong_tables_are_refused(spec: dict[str, Any], message: str) -> None:
 
 @pytest.mark.parametrize("kind", ["uniform", "cap", "grazing"])
 def test_queries_want_the_sphere(kind: str, tmp_path: Path) -> None:
-    with pytest.raises(BadInput, match=f"{kind} queries need the sphere; give 'ball' an image instead"):
+    with pytest.raises(BadInput, match=f"{kind} queries need the sphere; give 'ball' an image or its vertices instead"):
         build({"kind": kind}, ball(tmp_path / "ball.npz", 1))
+
+
+BENT: dict[str, Any] = {"kind": "patch", "texture": "bumps", "tiles": 2, "resolution": 33,
+                        "pose": {"kind": "onto", "surface": "bent"}}  # fmt: skip
+
+
+def on_patch(view: dict[str, Any], spec: dict[str, Any]) -> tuple[Points, Geometry]:
+    geometry = build_geometry(spec, "patch")
+    points, _ = build(view, geometry)
+    check_unit(points)
+    return points, geometry
+
+
+@pytest.mark.parametrize("view", [{"kind": "image", "size": 48, "direction": [1, 0.2, 0.3]}, {"kind": "vertices"}])
+@pytest.mark.parametrize("uv", [True, False])
+def test_points_of_a_pose_carry_its_rotation(view: dict[str, Any], uv: bool, tmp_path: Path) -> None:
+    whole = build_geometry(BENT, "patch")
+    assert whole.mesh is not None
+    geometry = whole if uv else replace(whole, mesh=replace(whole.mesh, uv=None))
+    points, _ = build(view, geometry)
+    check_unit(points)
+    rest, posed, pose = geometry.mesh, geometry.posed.mesh, geometry.pose
+    assert rest is not None
+    assert posed is not None
+    assert pose is not None
+    assert points.rotation is not None
+    assert points.triangle is not None
+    assert points.barycentric is not None
+    R, corners = points.rotation, rest.triangles[points.triangle]
+
+    def blend(attribute: np.ndarray) -> np.ndarray:
+        return np.einsum("nk,nk...->n...", points.barycentric, attribute[corners])
+
+    np.testing.assert_allclose(R @ R.swapaxes(1, 2), np.broadcast_to(np.eye(3), R.shape), atol=1e-13)
+    np.testing.assert_allclose(np.linalg.det(R), 1, atol=1e-13)
+    np.testing.assert_allclose(points.position, blend(posed.vertices), atol=1e-12)
+    before = normalised(blend(rest.normals))
+    np.testing.assert_allclose(np.einsum("nij,nj->ni", R, before), points.normal, atol=1e-12)
+    # the nearest rotation to the blend, but for the turn that takes the normals along: less than a triangle bends
+    apart = np.linalg.norm(R - nearest_rotations(blend(pose.rotations)), axis=(1, 2))
+    assert apart.max() < 0.02
+    a, b, c = (posed.vertices[corners[:, k]] for k in range(3))
+    np.testing.assert_allclose(points.geometric_normal, normalised(np.cross(b - a, c - a)), atol=1e-12)
+    if uv:  # a bent patch: u runs along the arc
+        assert np.median(np.abs(points.tangent[:, 2])) < 0.05
+    else:
+        np.testing.assert_allclose(points.tangent, np.einsum("nij,nj->ni", R, perpendicular(before)), atol=1e-12)
+
+
+def test_points_without_a_pose_have_no_rotation() -> None:
+    points, _ = on_patch({"kind": "vertices"}, {key: value for key, value in BENT.items() if key != "pose"})
+    assert points.rotation is None
+    np.testing.assert_allclose(points.tangent[:, 1], 0, atol=0.1)  # along u, which is x
+
+
+def test_collapsed_uv_leave_a_tangent() -> None:
+    geometry = build_geometry({key: value for key, value in BENT.items() if key != "pose"}, "patch")
+    assert geometry.mesh is not None
+    assert geometry.mesh.uv is not None
+    flat = replace(geometry, mesh=replace(geometry.mesh, uv=0 * geometry.mesh.uv))
+    points, _ = build({"kind": "vertices"}, flat)
+    np.testing.assert_array_equal(points.tangent, perpendicular(points.normal))
+
+
+def test_vertices_are_queries_weighted_by_their_share_of_the_posed_area(tmp_path: Path) -> None:
+    stretch = {"kind": "stretch", "factor": 3.0, "axis": "x", "across": 1.0}
+    geometry = build_geometry({"kind": "mesh", "path": ball_file(tmp_path / "a.npz", 3), "pose": stretch}, "ball")
+    points, viewer = build({"kind": "vertices"}, geometry)
+    check_unit(points)
+    mesh = geometry.posed.mesh
+    assert mesh is not None
+    assert viewer is None
+    assert points.notes == ()
+    np.testing.assert_array_equal(points.position, mesh.vertices)
+    np.testing.assert_allclose(points.normal, mesh.normals, atol=1e-12)
+    np.testing.assert_array_equal(points.view, mesh.normals)
+    assert points.barycentric is not None
+    assert points.triangle is not None
+    assert set(points.barycentric.ravel()) == {0.0, 1.0}
+    shape: Any = trimesh.Trimesh(mesh.vertices, mesh.triangles, process=False)
+    third = np.zeros(len(mesh.vertices))
+    for triangle, area in zip(mesh.triangles, shape.area_faces, strict=True):
+        third[triangle] += area / 3
+    np.testing.assert_allclose(points.weight, third / shape.area, rtol=1e-9)
+    # the weighted mean of a linear function over a closed surface's normals: no flux of a constant field
+    assert np.abs(points.weight @ points.normal).max() < 1e-3
+
+
+def test_vertices_seen_from_afar_are_those_that_face_it(tmp_path: Path) -> None:
+    geometry = read(ball_file(tmp_path / "a.npz", 3))
+    points, viewer = build({"kind": "vertices", "direction": [0, 0, 2]}, geometry)
+    check_unit(points)
+    assert viewer == Viewer(direction=(0, 0, 1))
+    assert points.position[:, 2].min() > 0
+    left = 642 - len(points)
+    assert points.notes == (f"{left} of 642 vertices are left out: they face away.",)
+    few, _ = build({"kind": "vertices", "count": 50}, geometry)
+    assert len(few) == 50
+    assert few.weight.sum() == pytest.approx(1)
+    assert len(build({"kind": "vertices", "count": 5000}, geometry)[0]) == 642
+
+
+def test_vertices_without_area_are_left_out_and_counted() -> None:
+    """A pose that collapses one half of a sheet onto a line."""
+    geometry = build_geometry({key: value for key, value in BENT.items() if key != "pose"}, "patch")
+    mesh = geometry.mesh
+    assert mesh is not None
+    vertices = mesh.vertices * np.where(mesh.vertices[:, :1] < 0.5, [[0.0, 1, 0]], 1)
+    pose = Pose("collapse", vertices, mesh.normals, np.broadcast_to(np.eye(3), (len(vertices), 3, 3)))
+    points, _ = build({"kind": "vertices"}, replace(geometry, pose=pose))
+    check_unit(points)
+    assert "vertices are left out: no triangle about them faces along their normal." in points.notes[0]
+    lost = int(points.notes[0].split()[0])
+    assert len(points) + lost == len(vertices)
+    assert lost >= 15 * 33
+
+
+def test_wrong_vertex_queries_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(BadInput, match="'sphere' has no vertices; give a mesh, or uniform queries"):
+        build({"kind": "vertices"}, SPHERE)
+    np.savez(tmp_path / "a.npz", vertices=np.eye(3), triangles=[[0, 1, 2]])
+    with pytest.raises(BadInput, match="view 'v' sees no vertex of 'a'; give another direction"):
+        build({"kind": "vertices", "direction": [-1, -1, -1]}, read(tmp_path / "a.npz"), "v")
+    with pytest.raises(BadInput, match="count must be an integer"):
+        build({"kind": "vertices", "count": 0}, read(tmp_path / "a.npz"), "v")

@@ -85,6 +85,20 @@ def test_a_path_in_a_suite_begins_at_the_suite(planned, user: UserFolder) -> Non
     assert planned('[[methods]]\nname = "own"', scenes).cells
 
 
+def test_paths_within_tables_begin_at_the_suite_too(planned, user: UserFolder) -> None:
+    import numpy as np
+
+    np.save(user.path / "grey.npy", np.random.default_rng(0).uniform(size=(8, 8, 3)))
+    patch = {"kind": '"patch"', "image": '"grey.npy"', "resolution": "9",
+             "pose": '{ kind = "turn", degrees = 90, axis = [1, 0, 0] }'}  # fmt: skip
+    table = "[geometries.patch]\n" + "".join(f"{key} = {value}\n" for key, value in patch.items())
+    scenes = SUITE.replace('geometry = "sphere"', 'geometry = "patch"').replace("[[scenes]]", table + "[[scenes]]")
+    assert planned('[[methods]]\nname = "own"', scenes).cells
+    material = '[materials.wall]\nkind = "lambertian"\ntexture = { kind = "file", path = "grey.npy" }\n'
+    scenes = SUITE.replace('["lambertian"]', '["wall"]').replace("[[scenes]]", material + "[[scenes]]")
+    assert planned('[[methods]]\nname = "own"', scenes).cells
+
+
 def test_types_are_as_strict_as_json() -> None:
     @dataclass(frozen=True)
     class Thing:

@@ -9,9 +9,12 @@ import numpy as np
 import pytest
 import trimesh
 
-from data_gen.geometry import GEOMETRIES, build, read
+from data_gen.geometry import build, read
+from envbench.directions import normalised
 from envbench.errors import BadInput
 from envbench.geometry import Geometry, TriangleMesh
+
+TRIANGLE = {"vertices": np.eye(3), "triangles": np.array([[0, 1, 2]])}
 
 
 def save(path: Path, **arrays: Any) -> Path:
@@ -27,10 +30,6 @@ def mesh_of(geometry: Geometry) -> TriangleMesh:
 @pytest.fixture
 def ball() -> Any:
     return trimesh.creation.icosphere(subdivisions=2)
-
-
-def test_presets_can_be_built() -> None:
-    assert {name: build(spec, name).mesh for name, spec in GEOMETRIES.items()} == {"sphere": None}
 
 
 @pytest.mark.parametrize("suffix", ["obj", "ply", "stl", "glb"])
@@ -119,7 +118,85 @@ def test_meshes_of_the_data_folder(shared_data: Path) -> None:
     assert mesh.uv is not None
 
 
-TRIANGLE = {"vertices": np.eye(3), "triangles": np.array([[0, 1, 2]])}
+def test_an_edge_of_three_triangles_is_said_and_the_mesh_taken_for_open(tmp_path: Path) -> None:
+    box: Any = trimesh.creation.box()
+    fin = np.concatenate([box.vertices, [[2.0, 2, 2]]])
+    faces = np.concatenate([box.faces, [[*box.faces[0][:2], 8]]])
+    geometry = read(save(tmp_path / "a.npz", vertices=fin, triangles=faces, normals=normalised(fin)))
+    assert geometry.notes == ("'a.npz' has 1 edges where more than two triangles meet; it is taken for open.",)
+    assert not geometry.convex
+    assert len(mesh_of(geometry).triangles) == 13
+
+
+def test_triangles_wound_against_the_others_are_turned(ball: Any, tmp_path: Path) -> None:
+    wrong = np.random.default_rng(0).uniform(size=len(ball.faces)) < 0.3
+    faces = np.where(wrong[:, None], ball.faces[:, ::-1], ball.faces)
+    two = np.concatenate([faces, faces[:, ::-1] + len(ball.vertices)])  # the other piece is wrong by 0.7
+    vertices = np.concatenate([ball.vertices, ball.vertices + np.array([3, 0, 0])])
+    one = read(save(tmp_path / "one.npz", vertices=ball.vertices, triangles=faces))
+    assert one.convex
+    assert f"{wrong.sum()} triangles of 'one.npz' were wound against the others; turned." in one.notes
+    for mesh in (
+        mesh_of(one),
+        mesh_of(read(save(tmp_path / "two.npz", vertices=vertices, triangles=two[: len(faces)]))),
+    ):
+        a, b, c = (mesh.vertices[mesh.triangles[:, k]] for k in range(3))
+        assert np.sum(np.cross(b - a, c - a) * a, axis=1).min() > 0
+        assert np.sum(mesh.normals * mesh.vertices, axis=1).min() > 0.99
+    # each piece of an open mesh keeps what most of it says: here the second faces inward, and is said to be closed
+    both = mesh_of(read(save(tmp_path / "both.npz", vertices=vertices, triangles=two)))
+    centre = both.vertices - np.where(both.vertices[:, :1] > 1.5, [[3.0, 0, 0]], 0)
+    assert set(np.sign(np.sum(both.normals * centre, axis=1))) == {1.0, -1.0}
+
+
+def test_a_one_sided_band_is_said(tmp_path: Path) -> None:
+    angle = np.linspace(0, 2 * np.pi, 41)[:-1]
+    across = np.stack([np.cos(angle / 2) * np.cos(angle), np.cos(angle / 2) * np.sin(angle), np.sin(angle / 2)], axis=1)
+    middle = np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1)
+    vertices = np.concatenate([middle - 0.3 * across, middle + 0.3 * across])
+    i, j = np.arange(40), np.arange(1, 41) % 40
+    low, high = np.where(j == 0, 40, j), np.where(j == 0, 0, j + 40)  # the last strip joins half-turned
+    triangles = np.concatenate([np.stack([i, low, high], 1), np.stack([i, high, i + 40], 1)])
+    normals = np.broadcast_to([0.0, 0, 1], vertices.shape)
+    geometry = read(save(tmp_path / "a.npz", vertices=vertices, triangles=triangles, normals=normals))
+    assert any("one-sided" in note for note in geometry.notes)
+    assert not geometry.convex
+
+
+def test_nothing_but_one_triangle_will_do(tmp_path: Path) -> None:
+    geometry = read(save(tmp_path / "a.npz", **TRIANGLE))
+    mesh = mesh_of(geometry)
+    np.testing.assert_allclose(mesh.normals, np.full((3, 3), 3**-0.5))
+    assert not geometry.convex
+    posed = build({"kind": "mesh", "path": tmp_path / "a.npz", "pose": {"kind": "twist", "degrees": 90}}).pose
+    assert posed is not None
+
+
+def test_what_no_triangle_uses_may_be_nan(tmp_path: Path) -> None:
+    vertices = np.concatenate([[[np.nan] * 3], np.eye(3)])
+    geometry = read(save(tmp_path / "a.npz", vertices=vertices, triangles=[[1, 2, 3]]))
+    np.testing.assert_array_equal(mesh_of(geometry).vertices, np.eye(3))
+    assert "1 unused vertices" in geometry.notes[0]
+
+
+@pytest.mark.parametrize(("side", "more"), [(1001, {}), (301, {"pose": {"kind": "bend", "degrees": 60}})])
+def test_two_million_triangles_take_a_bounded_memory(side: int, more: dict[str, Any], tmp_path: Path) -> None:
+    """At most 600 bytes a triangle at the peak, in a pose too: 1.2 GB for two million."""
+    import tracemalloc
+
+    from data_gen.geometry.generated import grid
+
+    uv, triangles = grid((side, side))
+    vertices = np.concatenate([uv, 0.1 * np.sin(9 * uv[:, :1])], axis=1).astype(np.float32)
+    path = save(tmp_path / "a.npz", vertices=vertices, triangles=triangles)
+    tracemalloc.start()
+    try:
+        geometry = build({"kind": "mesh", "path": path, **more})
+        peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert len(mesh_of(geometry).triangles) == 2 * (side - 1) ** 2
+    assert peak < 600 * len(triangles)
 
 
 @pytest.mark.parametrize(
@@ -172,6 +249,8 @@ def test_wrong_files_are_refused_in_one_line(name: str, content: bytes | None, m
         ({"kind": "mesh"}, "path must name a mesh file. Got None instead."),
         ({"kind": "mesh", "path": "a.obj", "convex": "yes"}, "convex must be true or false. Got 'yes' instead."),
         ({"kind": "sphere", "radius": 2}, "unknown setting of geometry 'g'"),
+        ({"kind": "mesh", "path": "a.obj"}, "a.obj is neither there nor in the data folder: set ENVBENCH_DATA"),
+        ({"kind": "mesh", "path": "a.obj", "up": "up"}, "up must be 'x', 'y' or 'z'. Got 'up' instead."),
     ],
 )
 def test_wrong_tables_are_refused(spec: dict[str, Any], message: str) -> None:

@@ -1,0 +1,115 @@
+"""Generated meshes: texture patches as height fields, and surfaces of revolution; all grids over (u, v) in [0, 1]^2."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from data_gen.geometry import parameters as p
+from data_gen.geometry import reliefs, surfaces
+from data_gen.geometry.surfaces import Surface
+from envbench.directions import Array, normalised
+from envbench.errors import BadInput, unknown
+from envbench.geometry import Geometry, TriangleMesh
+
+RESOLUTION = 64
+"""Vertices a side, where a table does not say."""
+MAX_RESOLUTION = 2048
+"""Most vertices a side: 8.4 million triangles."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Patch:
+    """A rectangle of `size` in z = 0 with a relief: `tiles` of a generated texture, or of a picture.
+
+    `height` is that of the relief above z = 0. The wrinkle is a groove below it instead, of a `depth` and a `width`
+    (share of a tile) at a `location` across the tile. uv go once over the patch, whatever its tiles.
+    """
+
+    kind: ClassVar[str] = "patch"
+
+    texture: str | None = None
+    image: Any = None
+    resolution: Any = RESOLUTION
+    tiles: Any = 1
+    size: Any = 1.0
+    height: float | None = None
+    depth: float | None = None
+    location: float | None = None
+    width: float | None = None
+
+    def __post_init__(self) -> None:
+        p.pair("resolution", self.resolution, 2, MAX_RESOLUTION)
+        p.pair("tiles", self.tiles, 1, 1024)
+        p.lengths("size", self.size)
+        if (self.texture is None) == (self.image is None):
+            raise BadInput("a patch has either a texture or an image; give exactly one of them.")
+        if self.texture is not None and self.texture not in (*reliefs.RELIEFS, "wrinkle"):
+            raise unknown("texture", str(self.texture), [*reliefs.RELIEFS, "wrinkle"])
+        if self.image is not None:
+            p.path("image", self.image)
+        wrinkle = self.texture == "wrinkle"
+        limits = {"height": (-1e3, 1e3), "depth": (0, 1e3), "location": (-1e3, 1e3), "width": (1e-3, 1)}
+        for key, (low, high) in limits.items():
+            value = getattr(self, key)
+            if value is None:
+                continue
+            if (key == "height") == wrinkle:
+                raise BadInput(
+                    f"{key} is no setting of {'a wrinkle' if wrinkle else 'this texture: a wrinkle has it'}."
+                )
+            p.number(key, value, low, high)
+
+    def geometry(self, name: str) -> Geometry:
+        """Make the mesh."""
+        tiles, size = np.array(p.pair("tiles", self.tiles, 1, 1024)), np.array(p.lengths("size", self.size))
+        resolution = p.pair("resolution", self.resolution, 2, MAX_RESOLUTION)
+        relief, scale = self._relief(int(max(resolution / tiles)))
+        uv, triangles = grid(resolution)
+        s, t = (uv * tiles).T
+        h = relief(s, t)
+        low = h.max() if self.texture == "wrinkle" else 0.0  # the wrinkle lies below its surroundings
+        slope = scale * np.stack(reliefs.slopes(relief, s, t), axis=1) * tiles / size
+        vertices = np.concatenate([uv * size, scale * (h - low)[:, None]], axis=1)
+        normals = normalised(np.concatenate([-slope, np.ones((len(uv), 1))], axis=1))
+        flat = float(np.ptp(vertices[:, 2])) == 0
+        return Geometry(name, TriangleMesh(vertices, triangles, normals, uv), flat, self._notes(resolution, tiles))
+
+    def _relief(self, samples: int) -> tuple[reliefs.Relief, float]:
+        if self.texture == "wrinkle":
+            location = 0.5 if self.location is None else self.location
+            return reliefs.groove(location, 0.5 if self.width is None else self.width), 0.2 if self.depth is None else (
+                self.depth
+            )
+        height = 0.15 if self.height is None else self.height
+        if self.image is not None:
+            return reliefs.picture(self.image, samples), height
+        return reliefs.RELIEFS[str(self.texture)], height
+
+    def _notes(self, resolution: tuple[int, int], tiles: NDArray[np.int_]) -> tuple[str, ...]:
+        a_tile = min((n - 1) / k for n, k in zip(resolution, tiles, strict=True))
+        if a_tile >= 8:
+            return ()
+        return (f"{a_tile:.2g} vertices a tile cannot hold its relief; a resolution of 8 a tile or more is needed.",)
+
+
+def revolved(surface: Surface, resolution: Any, name: str) -> Geometry:
+    """Make the mesh of a surface: seen from outside; the two sides of a seam are vertices at one place."""
+    uv, triangles = grid(p.pair("resolution", resolution, 3, MAX_RESOLUTION))
+    u, v = uv.T
+    vertices, _, normals = surfaces.thick(surface, u, v, np.zeros_like(u), (1.0, 1.0))
+    return Geometry(name, TriangleMesh(vertices, triangles, normalised(normals), uv), False)
+
+
+def grid(resolution: tuple[int, int]) -> tuple[Array, NDArray[np.int32]]:
+    """Return uv (V, 2), u fastest, and triangles (F, 3), counter-clockwise, of a grid of columns and rows."""
+    columns, rows = resolution
+    u, v = np.meshgrid(np.linspace(0, 1, columns), np.linspace(0, 1, rows))
+    corner = (np.arange(rows - 1)[:, None] * columns + np.arange(columns - 1)).ravel()
+    lower = np.stack([corner, corner + 1, corner + columns + 1], axis=1)
+    upper = np.stack([corner, corner + columns + 1, corner + columns], axis=1)
+    triangles = np.stack([lower, upper], axis=1).reshape(-1, 3).astype(np.int32)
+    return np.stack([u.ravel(), v.ravel()], axis=1), triangles
