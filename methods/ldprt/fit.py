@@ -102,9 +102,8 @@ def bent_normal(vectors: Array) -> Lobes:
 
 def linear_axes(vectors: Array) -> Array:
     """Return the optimal linear axes (V, 3) of vectors (V, n^2); z where there is no linear part."""
-    linear = linear_part(vectors)
-    dark = ~linear.any(axis=1)
-    return np.where(dark[:, None], [0.0, 0.0, 1.0], normalised(linear))
+    axes = normalised(linear_part(vectors))
+    return np.where(axes.any(axis=1, keepdims=True), axes, [0.0, 0.0, 1.0])
 
 
 def _best(signal: Signal, lobes: int, linear: Array, draws: Array, goal: Array) -> Array:

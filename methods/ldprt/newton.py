@@ -19,10 +19,13 @@ from methods.ldprt.signal import Signal
 ITERATIONS = 40
 TOLERANCE = 1e-8
 """A point is done when the next step promises less than this share of its energy |t|^2 / 2."""
+STILL_WORTH = 0.75
+"""Points that are done are dropped when fewer than this share of the batch are not."""
 LONGEST = 0.5
 """Of one axis in one step, as the tangent of its angle."""
 FIRST_DAMPING = 1e-2
 """Relative to the energy, as is the Hessian's scale."""
+LEAST_DAMPING = 1e-12
 DAMPINGS = 4
 """Values of lambda tried at once where the damped Hessian is not positive definite."""
 
@@ -37,40 +40,40 @@ class Minimum:
 
 def minimise(signal: Signal, axes: Array, iterations: int = ITERATIONS, tolerance: float = TOLERANCE) -> Minimum:
     """Move axes (3, N, V) to a local minimum of f each. Points are dropped from the batch as they are done."""
-    energy = signal.energy() / 2
     found = Minimum(axes.copy(), np.empty(len(signal)))
     at = np.arange(len(signal))
-    here = expand(signal, axes)
+    energy = signal.energy() / 2 + 1e-200  # a black point is done at once
     damping = FIRST_DAMPING * energy
-    floor = 1e-12 * energy + np.finfo(float).tiny
-    found.value[:] = here.value
+    here = expand(signal, axes)
     for _ in range(iterations):
-        step, promised, damping = _steps(here, damping, floor)
-        open_ = promised > tolerance * energy
-        if np.count_nonzero(open_) < 0.75 * len(at):
+        step, promised = _steps(here, damping, energy)
+        more = promised > tolerance * energy
+        if np.count_nonzero(more) < STILL_WORTH * len(at):
             found.axes[..., at], found.value[at] = axes, here.value
-            if not open_.any():
-                break
-            at, energy, axes, damping, floor, step, promised = (
-                part[..., open_] for part in (at, energy, axes, damping, floor, step, promised)
-            )
-            signal, here = signal.chosen(open_), _chosen(here, open_)
+            signal, here, axes = signal.chosen(more), _chosen(here, more), axes[..., more]
+            at, energy, damping, step, promised = at[more], energy[more], damping[more], step[:, more], promised[more]
+        if not len(at):
+            return found
         moved = _moved(axes, here.tangents, step)
         there = expand(signal, moved)
-        ratio = (here.value - there.value) / np.maximum(promised, floor)
+        ratio = (here.value - there.value) / np.maximum(promised, LEAST_DAMPING * energy)
         better = there.value < here.value
-        axes = np.where(better, moved, axes)
-        here = _where(better, there, here)
-        damping = np.where(ratio > 0.75, damping / 8, np.where(ratio < 0.25, damping * 4, damping))
+        axes, here = np.where(better, moved, axes), _where(better, there, here)
+        damping = damping * np.where(ratio > 0.75, 1 / 8, np.where(ratio < 0.25, 4.0, 1.0))
     found.axes[..., at], found.value[at] = axes, here.value
     return found
 
 
-def _steps(here: Expansion, damping: Array, floor: Array) -> tuple[Array, Array, Array]:
-    """Return steps (2 N, V), what the quadratic model promises of them (V,), and the damping that they took (V,)."""
+def _steps(here: Expansion, damping: Array, energy: Array) -> tuple[Array, Array]:
+    """Return steps (2 N, V) and what the quadratic model promises of them (V,); raise `damping`, in place, as it must.
+
+    A point whose damped Hessian stays indefinite stands still, and is promised much: the next round goes on with it.
+    """
     diagonal = np.arange(len(here.gradient))
+    least_damping = LEAST_DAMPING * energy
+    np.maximum(damping, least_damping, out=damping)
     damped = here.hessian.copy()
-    damped[diagonal, diagonal] += np.maximum(damping, floor)
+    damped[diagonal, diagonal] += damping
     factor, pivots, least = _factor(damped)
     for _ in range(DAMPINGS):
         bad = np.nonzero(least <= 0)[0]
@@ -78,18 +81,17 @@ def _steps(here: Expansion, damping: Array, floor: Array) -> tuple[Array, Array,
             break
         damping[bad] = np.maximum(4 * damping[bad], damping[bad] - 1.5 * least[bad])
         again = here.hessian[..., bad]
-        again[diagonal, diagonal] += np.maximum(damping[bad], floor[bad])
+        again[diagonal, diagonal] += damping[bad]
         factor[..., bad], pivots[:, bad], least[bad] = _factor(again)
     step = -_solve(factor, pivots, here.gradient)
-    lobes = step.reshape(2, -1, step.shape[1])
-    longest = np.sqrt(np.max(lobes[0] ** 2 + lobes[1] ** 2, axis=0))
+    by_axis = step.reshape(2, -1, step.shape[1])
+    longest = np.sqrt(np.max(by_axis[0] ** 2 + by_axis[1] ** 2, axis=0))
     step *= LONGEST / np.maximum(longest, LONGEST)
-    curved = np.einsum("pv,pqv,qv->v", step, here.hessian, step)
-    promised = -np.einsum("pv,pv->v", here.gradient, step) - curved / 2
-    stuck = least <= 0
-    step[:, stuck], promised[stuck] = 0, np.inf
-    damping[stuck] *= 4
-    return step, promised, damping
+    bent = np.einsum("pv,pqv,qv->v", step, here.hessian, step)
+    promised = -np.einsum("pv,pv->v", here.gradient, step) - bent / 2
+    indefinite = least <= 0
+    step[:, indefinite], promised[indefinite] = 0, np.inf
+    return step, promised
 
 
 def _factor(H: Array) -> tuple[Array, Array, Array]:

@@ -15,8 +15,8 @@ where the two terms in K' cancel since K_l(s_i.s_i) is constant):
     d2f/dg_lk du_ia      = c_lk,ia = delta_ki D_lai + g_li K_l'(s_i.s_k) E_aik
 
 and, the coefficients following the axes, H = d2f/du2|_g - sum_l c_l^T A_l^-1 c_l. Axes that meet make A_l singular and
-would let coefficients of opposite signs grow without bound: `RIDGE` times the diagonal is added to A_l throughout, which
-adds RIDGE (2 l + 1) / (4 pi) |g_l|^2 to |t - t~|^2 and keeps all of the above exact.
+would let coefficients of opposite signs grow without bound: `RIDGE` times its diagonal is added to A_l throughout. That
+adds RIDGE (2 l + 1) / (4 pi) |g_l|^2 to |t - t~|^2, and keeps all of the above exact.
 """
 
 from __future__ import annotations
@@ -76,23 +76,19 @@ def expand(signal: Signal, axes: Array) -> Expansion:
 
     gg = g[:, :, None] * g[:, None]
     P1, P2 = np.einsum("lijv,lijv->ijv", gg, K1), np.einsum("lijv,lijv->ijv", gg, K2)
-    H = np.einsum("akiv,bkjv->aibjv", e, e)
-    H *= P1[None, :, None]
-    H += (P2 * E)[:, :, None] * E.transpose(2, 0, 1, 3)  # E_aij E_bji
-    turn = np.einsum("l,liv,liv->iv", np.array(signal.orders, float), g, values) - np.einsum("ijv,ijv->iv", P1, cosine)
+    cross = P1[:, None] * np.einsum("akiv,bkjv->aibjv", e, e)
+    cross += (P2 * E)[:, :, None] * E.transpose(2, 0, 1, 3)  # E_aij E_bji
     own = np.einsum("ijv,aijv,bijv->abiv", P2, E, E) - np.einsum("liv,labiv->abiv", g, curvatures)
+    turn = np.einsum("l,liv,liv->iv", np.array(signal.orders, float), g, values) - np.einsum("ijv,ijv->iv", P1, cosine)
     own[0, 0] += turn
     own[1, 1] += turn
-    for i in range(N):
-        H[:, i, :, i] += own[:, :, i]
-
     c = (g[:, None, :, None] * M).transpose(0, 3, 1, 2, 4).copy()  # (B, k, a, i, V)
     for i in range(N):
+        cross[:, i, :, i] += own[:, :, i]
         c[:, i, :, i] += D[:, :, i]
     W = forward(L, c.reshape(len(g), N, 2 * N, V)).reshape(-1, 2 * N, V)
-    H = H.reshape(2 * N, 2 * N, V)
-    H -= np.einsum("rpv,rqv->pqv", W, W)
-    return Expansion(value, g, e, gradient.reshape(2 * N, V), H)
+    hessian = cross.reshape(2 * N, 2 * N, V) - np.einsum("rpv,rqv->pqv", W, W)
+    return Expansion(value, g, e, gradient.reshape(2 * N, V), hessian)
 
 
 def coefficients(signal: Signal, axes: Array) -> Array:

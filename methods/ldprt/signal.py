@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
+from numpy.typing import NDArray
 
 from envbench.directions import Array, from_angles
 from envbench.real_harmonics import basis
@@ -75,10 +76,10 @@ class Signal:
         for l, band in enumerate(bands, first):
             gradient = np.stack([D @ band for D in derivative(l)])
             gradients.append(gradient)
-            second = (
-                [derivative(l - 1)[b] @ gradient[a] for a, b in PAIRS] if l > 1 else np.zeros((6, 0, band.shape[1]))
-            )
-            curvatures.append(np.stack(second))
+            if l > 1:
+                curvatures.append(np.stack([derivative(l - 1)[b] @ gradient[a] for a, b in PAIRS]))
+            else:
+                curvatures.append(np.zeros((len(PAIRS), 0, band.shape[1])))
         return cls(first, bands, tuple(gradients), tuple(curvatures))
 
     @property
@@ -93,7 +94,7 @@ class Signal:
         """Return the squared length of the bands, (V,)."""
         return np.sum([np.einsum("mv,mv->v", band, band) for band in self.bands], axis=0)
 
-    def chosen(self, at: Array) -> Signal:
-        """Keep the points where `at` says so (an index or a mask)."""
+    def chosen(self, at: NDArray[np.bool_] | NDArray[np.intp]) -> Signal:
+        """Keep the points where `at` says so."""
         parts = ([part[..., at] for part in kind] for kind in (self.bands, self.gradients, self.curvatures))
         return Signal(self.first, *(tuple(kind) for kind in parts))

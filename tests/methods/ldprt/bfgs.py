@@ -1,4 +1,4 @@
-"""The paper's own fit, one vertex at a time: SciPy's BFGS over all axes and coefficients (eqs. 17 to 21). A slow oracle.
+"""The paper's own fit, a vertex at a time: SciPy's BFGS over all axes and coefficients (eqs. 17 to 21). A slow oracle.
 
 Independent of `methods.ldprt`: harmonics are polynomials here, whose gradients in s_x, s_y and s_z are read off.
 """
@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
-from itertools import product
+from itertools import pairwise, product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -95,7 +95,7 @@ class Objective:
         """Return the best coefficients (N, bands) with the axes frozen, a linear solve a band."""
         y, _ = polynomials(self.first, self.n)(axes)
         starts = [*self._starts(), len(self.t)]
-        bands = (slice(a, b) for a, b in zip(starts[:-1], starts[1:], strict=True))
+        bands = (slice(a, b) for a, b in pairwise(starts))
         return np.stack([np.linalg.lstsq(y[band], self.t[band], rcond=None)[0] for band in bands], axis=1)
 
     def descend(self, axes: Array) -> tuple[Array, Array, float]:
