@@ -36,7 +36,7 @@ def fit(vectors: Array, lobes: int, restarts: int = 2, above: float = 0.02, seed
     above : float
         Only points whose error, relative to the length of their vector, is still above this are started again.
     seed : int
-        Of the restarts. A point's result does not depend on how points are batched.
+        Of the restarts.
 
     Raises
     ------

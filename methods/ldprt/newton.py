@@ -52,14 +52,15 @@ def minimise(signal: Signal, axes: Array, iterations: int = ITERATIONS, toleranc
             found.axes[..., at], found.value[at] = axes, here.value
             signal, here, axes = signal.chosen(more), _chosen(here, more), axes[..., more]
             at, energy, damping, step, promised = at[more], energy[more], damping[more], step[:, more], promised[more]
+            more = np.ones(len(at), bool)
         if not len(at):
             return found
         moved = _moved(axes, here.tangents, step)
         there = expand(signal, moved)
         ratio = (here.value - there.value) / np.maximum(promised, LEAST_DAMPING * energy)
-        better = there.value < here.value
+        better = (there.value < here.value) & more  # what is done stands still, whether dropped yet or not
         axes, here = np.where(better, moved, axes), _where(better, there, here)
-        damping = damping * np.where(ratio > 0.75, 1 / 8, np.where(ratio < 0.25, 4.0, 1.0))
+        damping = damping * np.where(~more, 1.0, np.where(ratio > 0.75, 1 / 8, np.where(ratio < 0.25, 4.0, 1.0)))
     found.axes[..., at], found.value[at] = axes, here.value
     return found
 

@@ -74,7 +74,7 @@ class Signal:
         gradients: list[Array] = []
         curvatures: list[Array] = []
         for l, band in enumerate(bands, first):
-            gradient = np.stack([D @ band for D in derivative(l)])
+            gradient = derivative(l) @ band
             gradients.append(gradient)
             if l > 1:
                 curvatures.append(np.stack([derivative(l - 1)[b] @ gradient[a] for a, b in PAIRS]))
