@@ -64,8 +64,8 @@ def expand(signal: Signal, axes: Array) -> Expansion:
     y = harmonics_at(axes, signal.orders[-1])
     values, slopes, curvatures = _signal_at(signal, y, e)
     cosine = np.einsum("kiv,kjv->ijv", axes, axes)
-    K, K1, K2 = _kernels(signal.orders, cosine)
-    L = cholesky(_with_ridge(K, signal.orders))
+    K, K1, K2 = _between(signal.orders, cosine)
+    L = cholesky(K)
     g = _solved(L, values)
     value = (signal.energy() - np.einsum("lnv,lnv->v", values, g)) / 2
 
@@ -87,7 +87,10 @@ def expand(signal: Signal, axes: Array) -> Expansion:
         cross[:, i, :, i] += own[:, :, i]
         c[:, i, :, i] += D[:, :, i]
     W = forward(L, c.reshape(len(g), N, 2 * N, V)).reshape(-1, 2 * N, V)
-    hessian = cross.reshape(2 * N, 2 * N, V) - np.einsum("rpv,rqv->pqv", W, W)
+    hessian = cross.reshape(2 * N, 2 * N, V)
+    for p in range(2 * N):
+        hessian[p, : p + 1] -= np.einsum("rv,rqv->qv", W[:, p], W[:, : p + 1])
+        hessian[:p, p] = hessian[p, :p]
     return Expansion(value, g, e, gradient.reshape(2 * N, V), hessian)
 
 
@@ -95,8 +98,8 @@ def coefficients(signal: Signal, axes: Array) -> Array:
     """Return the best coefficients (B, N, V) for fixed axes (3, N, V): eq. 18, for any number of axes."""
     y = harmonics_at(axes, signal.orders[-1])
     values = np.stack([_contracted(t, y[l]) for l, t in zip(signal.orders, signal.bands, strict=True)])
-    K, _, _ = _kernels(signal.orders, np.einsum("kiv,kjv->ijv", axes, axes))
-    return _solved(cholesky(_with_ridge(K, signal.orders)), values)
+    K, _, _ = _between(signal.orders, np.einsum("kiv,kjv->ijv", axes, axes))
+    return _solved(cholesky(K), values)
 
 
 def residual(signal: Signal, axes: Array, g: Array) -> tuple[Array, ...]:
@@ -142,10 +145,11 @@ def cholesky(A: Array) -> Array:
 
 def forward(L: Array, right: Array) -> Array:
     """Solve L x = right, (..., N, k, V), with L (..., N, N, V)."""
-    x = np.empty_like(right)
+    x = right.copy()
     for i in range(L.shape[-2]):
-        left = right[..., i, :, :] - np.einsum("...jv,...jkv->...kv", L[..., i, :i, :], x[..., :i, :, :])
-        x[..., i, :, :] = left / L[..., i, i, None, :]
+        for j in range(i):
+            x[..., i, :, :] -= L[..., i, j, None, :] * x[..., j, :, :]
+        x[..., i, :, :] *= 1 / L[..., i, i, None, :]
     return x
 
 
@@ -162,12 +166,19 @@ def _solved(L: Array, right: Array) -> Array:
     return backward(L, forward(L, right[..., None, :])[..., 0, :])
 
 
-def _with_ridge(K: Array, orders: range) -> Array:
-    A = K.copy()
-    for at, l in enumerate(orders):
-        for i in range(K.shape[1]):
-            A[at, i, i] += RIDGE * (2 * l + 1) / (4 * pi)
-    return A
+def _between(orders: range, cosine: Array) -> tuple[Array, Array, Array]:
+    """Return A_l, its ridge included, and K_l' and K_l'' of all pairs of axes, (B, N, N, V), from cosines (N, N, V).
+
+    Those of an axis with itself are left 0: whatever they are, they cancel.
+    """
+    A, K1, K2 = (np.zeros((len(orders), *cosine.shape)) for _ in range(3))
+    i, j = np.triu_indices(len(cosine), 1)
+    for whole, pairs in zip((A, K1, K2), _kernels(orders, cosine[i, j]), strict=True):
+        whole[:, i, j] = whole[:, j, i] = pairs
+    l = np.array(orders)
+    diagonal = np.arange(len(cosine))
+    A[:, diagonal, diagonal] = ((1 + RIDGE) * (2 * l + 1) / (4 * pi))[:, None, None]
+    return A, K1, K2
 
 
 def _signal_at(signal: Signal, y: list[Array], e: Array) -> tuple[Array, Array, Array]:
@@ -198,7 +209,7 @@ def _contracted(t: Array, y: Array) -> Array:
 
 
 def _kernels(orders: range, c: Array) -> tuple[Array, Array, Array]:
-    """Return K_l(c) and its first and second derivatives, (B, N, N, V)."""
+    """Return K_l(c) and its first and second derivatives, (B, ...)."""
     K, K1, K2 = (np.empty((len(orders), *c.shape)) for _ in range(3))
     p0, p1 = np.ones_like(c), c
     d0, d1 = np.zeros_like(c), np.ones_like(c)
