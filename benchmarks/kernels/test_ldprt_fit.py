@@ -1,7 +1,7 @@
 """The zonal fit beside the paper's: SciPy's BFGS over all axes and coefficients, analytic gradient, to convergence.
 
-The bars, on two cores, n = 6, N = 4: a head of 17,575 vertices in 15 s; at least 30 times faster a vertex than BFGS, with
-an RMS error not above its. Both see the same vectors in one run; BFGS, which takes them one by one, sees every k-th.
+The bars, on two cores, n = 6, N = 4: a head of 17,575 vertices in 15 s; at least 30 times faster a vertex than BFGS,
+with an RMS error not above its. Both see the same vectors in one run; BFGS, which goes one by one, sees every k-th.
 """
 
 from __future__ import annotations

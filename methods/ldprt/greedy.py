@@ -11,16 +11,14 @@ from methods.ldprt.newton import minimise
 from methods.ldprt.projected import coefficients, harmonics_at, residual
 from methods.ldprt.signal import Signal
 
-SIDE = 8
-"""Samples along an edge of the hemi-cube: 3 SIDE^2 axes, 9 degrees apart where l < 6 vary over 30."""
 ITERATIONS = 3
 """Newton steps that refine a lobe before the next one is looked for: all of them move together in the end."""
 
 
 def hemicube(side: int) -> Array:
-    """Return axes (3 side^2, 3) through the squares of a cube's upper half: opposite axes are one (sec. 3.1)."""
+    """Return some 3 side^2 axes (k, 3) through the squares of a cube's upper half: opposite ones are one (sec. 3.1)."""
     u = (2 * np.arange(side) + 1) / side - 1
-    half = u[u > 0] if side % 2 == 0 else np.linspace(0, 1, side // 2 + 2)[1:-1]
+    half = u[u >= 0]
     top = np.stack([*np.meshgrid(u, u), np.ones((side, side))], axis=-1).reshape(-1, 3)
     across, up = (part.ravel() for part in np.meshgrid(u, half))
     one = np.ones_like(across)
@@ -66,7 +64,7 @@ def greedy(signal: Signal, lobes: int, linear: Array | None = None, first: Array
     first : (3, V), optional
         The first axes themselves, kept as they are: a restart.
     """
-    tried = hemicube(SIDE)
+    tried = hemicube(signal.orders[-1] + 3)  # n + 2 along an edge of 90 degrees, where band l turns over in 180 / l
     axes = np.empty((3, lobes, len(signal)))
     left = signal
     for i in range(lobes):
