@@ -26,6 +26,7 @@ LONGEST = 0.5
 FIRST_DAMPING = 1e-2
 """Relative to the energy, as is the Hessian's scale."""
 LEAST_DAMPING = 1e-12
+"""Relative to the energy too: the Hessian is singular where more lobes are given than the signal needs."""
 DAMPINGS = 4
 """Values of lambda tried at once where the damped Hessian is not positive definite."""
 

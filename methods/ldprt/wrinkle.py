@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from math import pi
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 from scipy import optimize
 
 from envbench.directions import Array, normalised
@@ -52,11 +52,16 @@ class LobeMap:
     def at(self, u: ArrayLike, v: ArrayLike) -> Lobes:
         """Return the lobes at places (V,) of the square; places beyond it are moved to its border."""
         u, v = np.broadcast_arrays(np.asarray(u, float).ravel(), np.asarray(v, float).ravel())
-        rows, columns = (_hats(t, size) for t, size in zip((u, v), self.axes.shape[:2], strict=True))
+        (row, down), (column, right) = (_cell(t, size) for t, size in zip((u, v), self.axes.shape[:2], strict=True))
+        corners = [
+            (row + i, column + j, (down if i else 1 - down) * (right if j else 1 - right))
+            for i in (0, 1)
+            for j in (0, 1)
+        ]
 
         def read(nodes: Array) -> Array:
-            flat = nodes.reshape(*nodes.shape[:2], -1)
-            return np.einsum("va,vb,abk->vk", rows, columns, flat, optimize=True).reshape(len(u), *nodes.shape[2:])
+            shape = (len(u), *(1,) * (nodes.ndim - 2))
+            return sum((w.reshape(shape) * nodes[i, j] for i, j, w in corners), np.zeros(shape))
 
         axes = read(self.axes)
         axes /= np.linalg.norm(axes, axis=-1, keepdims=True)
@@ -117,7 +122,8 @@ def _start(signal: Array) -> tuple[Array, Array]:
     """Return axes (X, D, 3, 3) and coefficients (X, D, 3, bands): the optimal linear lobe between two others.
 
     The groove runs along y and its transfer is even in y: the two are turned towards y and -y, by the angle of the
-    least error at each node. (Two in the plane of the cross-section end in a higher minimum: .057 against .053.)
+    least error at each node. (Two in the plane of the cross-section end in a higher minimum: .057 against .053 of the
+    signal's length, for 12 x 12 nodes.)
     """
     flat = signal.reshape(-1, signal.shape[-1])
     bands = Signal.of(flat, FIRST)
@@ -225,7 +231,17 @@ def _separably(rows: Array, columns: Array, grid: Array) -> Array:
     return columns @ (rows @ grid.reshape(X, D * k)).reshape(-1, D, k)
 
 
+def _cell(t: Array, nodes: int) -> tuple[NDArray[np.intp], Array]:
+    """Return the node before each place t in [0, 1], the last but one at most, and how far beyond it t lies."""
+    at = np.clip(t, 0, 1) * (nodes - 1)
+    before = np.minimum(at.astype(np.intp), nodes - 2)
+    return before, at - before
+
+
 def _hats(t: Array, nodes: int) -> Array:
     """Return the hat functions of `nodes` over [0, 1] at places t (k,): (k, nodes)."""
-    at = np.clip(t, 0, 1) * (nodes - 1)
-    return np.maximum(1 - np.abs(at[:, None] - np.arange(nodes)), 0)
+    before, beyond = _cell(t, nodes)
+    out = np.zeros((len(t), nodes))
+    out[np.arange(len(t)), before] = 1 - beyond
+    out[np.arange(len(t)), before + 1] = beyond
+    return out

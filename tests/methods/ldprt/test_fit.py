@@ -148,7 +148,7 @@ def test_light_is_fitted_a_channel_each() -> None:
 
 @pytest.mark.parametrize("name", ["esplanade", "studio", "workshop"])
 def test_captured_light_in_lobes(name: str) -> None:
-    """Of the light's length, DC included, three lobes a channel leave .6 % (studio) to 10 % (workshop); six, nothing."""
+    """Of its length, DC included, three lobes a channel leave .6 % (studio) to 10 % (workshop); six leave nothing."""
     light = project(environments.build({"kind": "captured", "name": name}).radiance, 5)
     residuals = [np.linalg.norm(fit_light(light, N).vectors() - light.T) for N in (1, 3, 6)]
     assert residuals[0] > residuals[1] > residuals[2]
