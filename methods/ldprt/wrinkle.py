@@ -78,8 +78,16 @@ class Wrinkle:
     """RMS over the samples, relative to the RMS length of their vectors."""
 
     def at(self, x: ArrayLike, depth: ArrayLike) -> Lobes:
-        """Return the lobes at locations x across the groove, in its widths, and depths d, (V,) each."""
-        return self.nodes.at(np.asarray(x, float) + 0.5, np.asarray(depth, float) / self.depth)
+        """Return the lobes at locations x across the groove, in its widths, and depths d, (V,) each.
+
+        In the groove's frame: x across it, y along it, z up. Beyond its rims the ground is flat, as it is at them.
+        """
+        d = np.asarray(depth, float)
+        if d.size and not 0 <= d.min() <= d.max() <= self.depth:
+            raise BadInput(
+                f"wrinkle depths must lie in [0, {self.depth:g}], which was fitted. Got {d.min():g} to {d.max():g}."
+            )
+        return self.nodes.at(np.asarray(x, float) + 0.5, d / self.depth)
 
 
 def fit_wrinkle(depth: float = 1.0, n: int = 6, size: int = 32, samples: int = 64, iterations: int = 150) -> Wrinkle:

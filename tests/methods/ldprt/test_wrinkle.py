@@ -65,6 +65,8 @@ def test_map_in_one_piece_against_points_apart() -> None:
     together = np.linalg.norm(wrinkle.at(x, d).vectors() - flat) / scale
     assert together == pytest.approx(wrinkle.error)
     assert together < 0.1
+    with pytest.raises(BadInput, match=r"must lie in \[0, 1\], which was fitted. Got 0.5 to 1.5"):
+        wrinkle.at([0.0, 0.0], [0.5, 1.5])
     assert np.linalg.norm(by_node.at(x + 0.5, d).vectors() - flat) / scale > 3 * together
 
 
