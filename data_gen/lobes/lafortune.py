@@ -43,6 +43,8 @@ class Lafortune(Lobe):
         if not len(self.c_xy) == len(self.c_z) == len(self.n):
             counts = f"{len(self.c_xy)}, {len(self.c_z)} and {len(self.n)}"
             raise BadInput(f"lafortune c_xy, c_z and n must hold one (r, g, b) for each term. Got {counts} instead.")
+        if not any(self.diffuse) and not self.n:
+            raise BadInput("a lafortune lobe reflects nothing: give it a diffuse part, or c_xy, c_z and n of a term.")
         for name, low, high in (
             ("diffuse", 0, 1),
             ("c_xy", -MAX_COEFFICIENT, MAX_COEFFICIENT),

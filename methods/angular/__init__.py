@@ -130,7 +130,9 @@ class Angular(Method):
         for lobe, share in zip(prepared, shares, strict=True):
             lost = losses.of_prefiltering(lobe, self.eps, self.light_rows)
             if self._views(lobe) > 1:
-                lost += 2 * losses.between_views(lobe, polar_nodes(lobe, self.directions, self.light_rows or 64))
+                rows = self.light_rows or 64
+                lost = max(lost, 2 * losses.of_ridges(lobe, self.eps, rows, self.directions))
+                lost += 2 * losses.between_views(lobe, polar_nodes(lobe, self.directions, rows))
             constant += share * lost
         if max(map(self._views, prepared)) > 1:
             rotation += (2 * pi / self.directions) ** 2 / 8
@@ -142,7 +144,7 @@ class Angular(Method):
             cls(light_rows=16, rows=16, directions=8, eps=0.03),
             cls(light_rows=32, rows=32, directions=8, eps=0.01),
             cls(light_rows=64, rows=40, directions=12, eps=0.003),
-            cls(light_rows=128, rows=64, directions=12, eps=0.001),
+            cls(light_rows=64, rows=56, directions=16, eps=0.001),
         ]
 
     def _light(self, environment: Environment, lobe: Lobe) -> Environment:

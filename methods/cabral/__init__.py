@@ -211,7 +211,7 @@ class Cabral(Method):
             cls(maps=12, size=128, eps=0.003),
             cls(maps=42, size=64, eps=0.01),
             cls(maps=42, size=64, prefilter="angular"),
-            cls(maps=162, size=64, eps=0.003),
+            cls(maps=162, size=64, eps=0.01),
         ]
 
     @property

@@ -37,6 +37,7 @@ PARAMETERS: dict[str, dict[str, st.SearchStrategy[Any]]] = {
     "microfacet": {"sigma": st.floats(SHARPEST, 0.6), "clipped": st.booleans()},
     "ggx": {"roughness": st.floats(SHARPEST**0.5, 1), "clipped": st.booleans()},
     "cook-torrance": {"roughness": st.floats(SHARPEST, 0.6), "clipped": st.booleans()},
+    "lafortune": {"diffuse": st.tuples(*[st.floats(0.05, 0.9)] * 3).map(list)},
     "kajiya-kay": {"exponent": st.floats(1, 2 / SHARPEST**2)},
 }
 REFLECTANCE = st.tuples(*[st.floats(0.05, 1)] * 3).map(list)
