@@ -27,6 +27,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from data_gen.boundary import is_closed
 from data_gen.geometry import mitsuba_mesh
 from envbench import llvm
 from envbench.directions import Array, normalised
@@ -138,7 +139,7 @@ def simulate(
 
     per_batch = -(-rays // BATCHES)
     passes = 1 + (bounces if kind is Kind.INTERREFLECTED else 0)
-    bench = _Bench.of(mesh, both_sides=passes > 1 and not _closed(mesh))
+    bench = _Bench.of(mesh, both_sides=passes > 1 and not is_closed(mesh))
     states = np.random.SeedSequence(seed).generate_state(passes)
     light, variance = bench.gathered(order, per_batch, int(states[0]), None)
     vectors = light
@@ -293,16 +294,6 @@ def _upwards(vertices: Array, mesh: TriangleMesh) -> Array:
     mean = normalised(np.stack([np.bincount(corner, area[:, k], place.max() + 1) for k in range(3)], axis=-1))[place]
     agrees = np.sum(mean * mesh.normals, axis=1) > _AGREE
     return np.where(agrees[:, None], mean, mesh.normals)
-
-
-def _closed(mesh: TriangleMesh) -> bool:
-    """Tell whether as many triangles lie left of every edge as right of it, vertices at one place taken as one."""
-    _, place = np.unique(mesh.vertices, axis=0, return_inverse=True)
-    corners = place.ravel()[mesh.triangles].astype(np.int64)
-    ends = np.stack([corners, np.roll(corners, -1, axis=1)], axis=-1).reshape(-1, 2)
-    count = int(corners.max()) + 1
-    forth, back = ends[:, 0] * count + ends[:, 1], ends[:, 1] * count + ends[:, 0]
-    return bool(np.array_equal(np.sort(forth), np.sort(back)))
 
 
 def _kind(kind: Kind | str) -> Kind:
