@@ -71,7 +71,7 @@ def test_the_basis_of_a_kernel_is_that_of_numpy(mi: ModuleType) -> None:
     assert np.stack([np.broadcast_to(f.numpy(), 100) for f in found]) == pytest.approx(expected, abs=1e-5)
 
 
-@pytest.mark.parametrize("kind", list(Kind))
+@pytest.mark.parametrize("kind", list(Kind)[:3])
 def test_on_a_convex_mesh_nothing_is_in_the_way(mi: ModuleType, kind: Kind) -> None:
     """Not one ray is: constant light returns 1 exactly, smooth or faceted, slender or round, far from the origin."""
     points = np.random.default_rng(1).normal(size=(60, 3)) * [1, 0.2, 3]
@@ -132,7 +132,7 @@ def test_deterministic_for_a_seed(mi: ModuleType) -> None:
 
 def test_chunks_join_seamlessly(mi: ModuleType, monkeypatch: pytest.MonkeyPatch) -> None:
     whole = simulate(bumps(), 3, rays=200, kind="interreflected")
-    monkeypatch.setattr("methods.ldprt.transfer._LANES", 170)
+    monkeypatch.setattr("methods.ldprt.casting._LANES", 170)
     assert np.array_equal(simulate(bumps(), 3, rays=200, kind="interreflected").vectors, whole.vectors)
 
 
@@ -157,7 +157,7 @@ def test_the_inside_of_a_closed_shape_is_dark_and_an_open_one_has_two_sides(mi: 
     floor = [[4, 5, 8], [5, 6, 8], [6, 7, 8], [7, 4, 8]]
     triangles = np.array([[0, 1, 2], [0, 2, 3], *floor], np.int32)
     both_up = TriangleMesh(vertices, triangles, np.repeat([[0.0, 0, 1]], 9, axis=0))
-    direct, lit = (simulate(Geometry("two", both_up, convex=False), 1, kind=k, rays=2000) for k in list(Kind)[1:])
+    direct, lit = (simulate(Geometry("two", both_up, convex=False), 1, kind=k, rays=2000) for k in list(Kind)[1:3])
     assert lit.vectors[8, 0] > direct.vectors[8, 0] + 5 * lit.standard_error[8, 0]
 
 
