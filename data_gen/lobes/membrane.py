@@ -60,8 +60,9 @@ class Membrane(Lobe):
         return self.profile(light, view, centre, normal)[0] / (1 + self.transparency)
 
     def cone(self, eps: float) -> float:
-        """Within theta lies sin^2(theta) / (1 + alpha), and beyond pi / 2 (1 + alpha cos^2(theta)) / (1 + alpha)."""
-        outside = eps * (1 + self.transparency)
-        if outside >= self.transparency:
-            return float(np.arccos(np.sqrt(np.minimum(outside - self.transparency, 1))))
-        return float(np.pi - np.arcsin(np.sqrt(outside / self.transparency)))
+        """Within theta <= pi / 2 lies sin^2(theta) / (1 + alpha).
+
+        Behind, the lobe grows up to its other pole, and a cone that ended there would cut it at its peak: all is taken.
+        """
+        outside = eps * (1 + self.transparency) - self.transparency
+        return float(np.arccos(np.sqrt(min(outside, 1.0)))) if outside >= 0 else float(np.pi)
