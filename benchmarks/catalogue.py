@@ -15,11 +15,11 @@ from envbench.catalogue import Spec
 from envbench.environment import Environment
 from envbench.errors import BadInput
 from envbench.geometry import Geometry, Points, Viewer
-from envbench.material import Centre
+from envbench.material import Centre, Material
 from envbench.method import Method
 from envbench.records import MaterialSheet
 from envbench.reference import Agreement, Reference, ReferenceSettings
-from envbench.scene import Effect, Scene
+from envbench.scene import Effect, Scene, told
 from methods import METHODS
 from references import reference
 
@@ -39,9 +39,16 @@ class Catalogue:
     geometries: Mapping[str, Spec] = field(default_factory=lambda: geometry.GEOMETRIES)
     views: Mapping[str, Spec] = field(default_factory=lambda: views.VIEWS)
 
-    def scene(self, *, name: str, light: Spec, material: Spec, geometry: Spec, view: Spec) -> Scene:
-        """Build a scene; its `name` is light/material/geometry/view. The last lights and queries are kept."""
-        names = name.split("/") if name.count("/") == 3 else [name] * 4
+    def scene(
+        self, *, name: str, light: Spec, material: Spec, geometry: Spec, view: Spec,
+        effects: Sequence[Effect] | None = None,
+    ) -> Scene:  # fmt: skip
+        """Build a scene; its `name` is light/material/geometry/view, with the `effects` where they are given.
+
+        The last lights and queries are kept.
+        """
+        parts = name.removesuffix(told(effects))
+        names = parts.split("/") if parts.count("/") == 3 else [parts] * 4
         environment = _LIGHTS.get(names[0], _text(light))
         brdf = materials.build(material, names[1])
         shape, points, viewer = _queries((names[2], names[3]), _text((geometry, view)))
@@ -49,10 +56,7 @@ class Catalogue:
             from data_gen import texture
 
             points = replace(points, modulation=texture.modulation(brdf.texture, points))
-        effects = {Effect.VIEW_DEPENDENCE} if any(lobe.centre is not Centre.NORMAL for lobe in brdf.lobes) else set()
-        if not shape.convex:
-            effects.add(Effect.SELF_SHADOWING)
-        return Scene(name, environment, brdf, shape, points, viewer, frozenset(effects))
+        return Scene(name, environment, brdf, shape, points, viewer, _effects(name, brdf, shape, effects))
 
     def reference(self, scene: Scene, settings: ReferenceSettings, cache: Path | None) -> Reference:
         """Return ground truth, from `cache` where it holds it."""
@@ -69,6 +73,22 @@ class Catalogue:
         from references import agreement  # brings scipy.stats, which takes a worker a second to import
 
         return agreement.table(scenes)
+
+
+def _effects(name: str, material: Material, shape: Geometry, chosen: Sequence[Effect] | None) -> frozenset[Effect]:
+    """Return what ground truth simulates: all that the facts call for, or what was chosen, if that makes sense."""
+    viewed = any(lobe.centre is not Centre.NORMAL for lobe in material.lobes)
+    seen = {Effect.VIEW_DEPENDENCE} if viewed else set[Effect]()  # a material is never seen without it
+    if chosen is None:
+        shadowed = {Effect.SELF_SHADOWING} if not (shape.convex and shape.posed.convex) else set[Effect]()
+        return frozenset(seen | shadowed | ({Effect.DEFORMATION} if shape.pose is not None else set()))
+    if Effect.SUBSURFACE in chosen:
+        raise BadInput(f"scene '{name}': no reference simulates {Effect.SUBSURFACE}; leave it out of its effects.")
+    if Effect.DEFORMATION in chosen and shape.pose is None:
+        raise BadInput(f"scene '{name}': '{shape.name}' has no pose; leave {Effect.DEFORMATION} out of its effects.")
+    if Effect.INTERREFLECTION in chosen and Effect.SELF_SHADOWING not in chosen:
+        raise BadInput(f"scene '{name}': what sends light on hides it too; add {Effect.SELF_SHADOWING} to its effects.")
+    return frozenset({*chosen, *seen})
 
 
 def _text(spec: Any) -> str:

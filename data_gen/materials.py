@@ -17,6 +17,7 @@ from data_gen.lobes import (
     KajiyaKayDiffuse,
     Lafortune,
     Lambertian,
+    Membrane,
     Microfacet,
     Phong,
 )
@@ -32,6 +33,7 @@ LOBES: dict[str, type[Lobe]] = {
     "kajiya-kay-diffuse": KajiyaKayDiffuse,
     "cook-torrance": CookTorrance,
     "ggx": GGX,
+    "membrane": Membrane,
 }
 """The analytic kinds: a table holds the fields of the lobe."""
 
@@ -66,6 +68,7 @@ MATERIALS: dict[str, dict[str, Any]] = {
             {"kind": "kajiya-kay", "exponent": 32.0, "reflectance": [0.4, 0.4, 0.4]},
         ]
     },
+    "membrane": {"kind": "membrane", "transparency": 0.5, "reflectance": [0.6, 0.6, 0.6]},
     "cook-torrance": {"kind": "cook-torrance", "roughness": 0.2, "f0": [0.9, 0.6, 0.4]},
     "ggx": {"kind": "ggx", "roughness": 0.3, "f0": [0.9, 0.6, 0.4]},
     "ggx-rough": {"kind": "ggx", "roughness": 0.7, "f0": [0.9, 0.6, 0.4]},

@@ -5,23 +5,30 @@ but it starts from the point itself instead of from a camera: position, normal, 
 The two are weighed by the balance heuristic (Veach 1997, sec. 9.2.2), which under captured light leaves about a tenth
 less noise than the power heuristic. Without lobe samples it is `direct` with ``bsdf_samples = 0``. Where nothing can
 shadow no visibility ray is cast, so that whole lobes, which reach below the horizon, are integrated too.
+
+Bounces: the BSDF sample goes on to what the shape has in its way, and the same is done there, as `path` does.
+Signed light: its positive and its negative part are estimated each by itself, and subtracted.
+Carried shadows: what a shape hides at rest, carried along by a pose (`Surface.carried`).
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from data_gen.boundary import is_closed
 from data_gen.geometry import mitsuba_mesh
 from data_gen.mitsuba_bsdf import bsdf
 from data_gen.mitsuba_light import emitter
 from envbench import llvm
 from envbench.directions import Array, normalised
 from envbench.environment import Environment
+from envbench.errors import BadInput
 from envbench.geometry import Geometry, Points, TriangleMesh
 from envbench.material import Material
 
@@ -30,6 +37,8 @@ SAMPLER = "multijitter"
 
 _LANES = 2**22
 """Samples in flight at a time: bounds the memory."""
+_LIFT = 2e-5
+"""How far off the surface rays start, relative to the shape's size and place: some 100 roundings of a coordinate."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,11 +46,22 @@ class Surface:
     """What reflects: a material, and the mesh that can shadow it (None where nothing can).
 
     Mitsuba's objects are made at first use, belong to `variant`, and are left out when pickled.
+
+    Attributes
+    ----------
+    bounces : int
+        How often light may come by way of the occluder, which reflects as the material does.
+    carried : bool
+        The occluder is the shape at rest, whose points are elsewhere than those seen: light from w reaches a point of
+        rotation R if at rest it comes through from R^T w. So a pose carries the transfer along, and no part of the
+        posed shape shadows another.
     """
 
     material: Material
     occluder: TriangleMesh | None
     variant: str = "llvm_ad_rgb"
+    bounces: int = 0
+    carried: bool = False
 
     @classmethod
     def of(cls, material: Material, geometry: Geometry, variant: str = "llvm_ad_rgb") -> Surface:
@@ -59,8 +79,31 @@ class Surface:
         """Give the occluder as a `mi.Mesh`; None where there is none."""
         return None if self.occluder is None else mitsuba_mesh(llvm.mitsuba(self.variant), self.occluder)
 
+    @cached_property
+    def closed(self) -> bool:
+        """Whether the occluder bounds a solid, so that its inside is dark; of an open one both sides reflect."""
+        return self.occluder is not None and is_closed(self.occluder)
+
+    @cached_property
+    def texture(self) -> Any:
+        """Give the material's texture as a `mi.Texture2f`; None where there is none."""
+        if self.material.texture is None:
+            return None
+        mi = llvm.mitsuba(self.variant)
+        import drjit as dr
+
+        return mi.Texture2f(mi.TensorXf(self.material.texture.values), wrap_mode=dr.WrapMode.Repeat)
+
+    @cached_property
+    def lift(self) -> float:
+        """How far off the occluder rays start."""
+        if self.occluder is None:
+            return 0.0
+        vertices = self.occluder.vertices
+        return _LIFT * float(np.linalg.norm(np.ptp(vertices, axis=0)) / 2 + np.abs(vertices).max())
+
     def __getstate__(self) -> dict[str, Any]:
-        return {"material": self.material, "occluder": self.occluder, "variant": self.variant}
+        return {field.name: getattr(self, field.name) for field in fields(self)}
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,20 +126,39 @@ class Estimator:
     @cached_property
     def scene(self) -> Any:
         """Give the light, and the occluder where there is one, as a `mi.Scene`: made at first use."""
+        return self._scenes[0][1]
+
+    @cached_property
+    def _scenes(self) -> tuple[tuple[float, Any], ...]:
+        """The positive and the negative part of the light, as signs and scenes; the first holds the occluder."""
         mi = llvm.mitsuba(self.surface.variant)
-        parts = {"type": "scene", "light": emitter(self.environment)}
-        return mi.load_dict(parts if self.surface.shape is None else parts | {"shape": self.surface.shape})
+        made: list[tuple[float, Any]] = []
+        for sign, part in self.environment.parts:
+            content = {"type": "scene", "light": emitter(part)}
+            if self.surface.shape is not None and not made:
+                content["shape"] = self.surface.shape
+            made.append((sign, mi.load_dict(content)))
+        return tuple(made)
 
     def __getstate__(self) -> dict[str, Any]:
-        return {name: value for name, value in self.__dict__.items() if name != "scene"}
+        return {field.name: getattr(self, field.name) for field in fields(self)}
 
     @property
     def rays(self) -> int:
         """Visibility rays cast for each sample: one for each direction drawn, or none where nothing can shadow."""
-        return 0 if self.surface.occluder is None else 1 + self.sample_lobes
+        if self.surface.occluder is None:
+            return 0
+        drawn = 1 + self.sample_lobes if not self.surface.bounces else 2 * self.surface.bounces + 1 + self.sample_lobes
+        return drawn * len(self.environment.parts)
 
     def replicate(self, points: Points, samples: NDArray[np.int_] | int, seed: np.random.SeedSequence) -> Array:
-        """Estimate the radiance at every point, (n, 3), from `samples` (powers of four) at each."""
+        """Estimate the radiance at every point, (n, 3), from `samples` (powers of four) at each.
+
+        Raises
+        ------
+        BadInput
+            Shadows are carried along to points that do not say where on the mesh they are.
+        """
         mi = llvm.mitsuba(self.surface.variant)
         samples = np.broadcast_to(samples, len(points))
         scalar = self.surface.variant.startswith("scalar")
@@ -126,7 +188,7 @@ class Estimator:
             columns = np.ascontiguousarray(values[chosen].T, np.float32)
             return dr.gather(mi.Vector3f, mi.Vector3f(columns), point)
 
-        radiance = self._radiance(mi, _interaction(mi, points, spread), sampler)
+        radiance = self._radiance(mi, _interaction(mi, points, spread), self._place(mi, points, spread), sampler)
         dr.eval(radiance)
         return np.stack([dr.block_sum(mi.Float64(c), samples).numpy() for c in radiance], axis=-1)
 
@@ -134,41 +196,149 @@ class Estimator:
         """Return the sum over the samples of the one `chosen` point, (3,)."""
         sampler = mi.load_dict({"type": self.sampler, "sample_count": samples})
         sampler.seed(seed, 1)
-        interaction = _interaction(mi, points, lambda values: mi.Vector3f(*(float(v) for v in values[chosen[0]])))
+
+        def taken(values: Array) -> Any:
+            return mi.Vector3f(*(float(v) for v in values[chosen[0]]))
+
+        interaction, place = _interaction(mi, points, taken), self._place(mi, points, taken)
         total = np.zeros(3)
         for _ in range(samples):
-            total += np.array(self._radiance(mi, interaction, sampler), float)
+            total += np.array(self._radiance(mi, interaction, place, sampler), float)
             sampler.advance()
         return total
 
-    def _radiance(self, mi: Any, si: Any, sampler: Any) -> Any:
-        """Return one estimate of the reflected radiance: emitter and BSDF sample, weighed by their densities."""
+    def _radiance(self, mi: Any, si: Any, place: _Place, sampler: Any) -> Any:
+        """Return one estimate of the reflected radiance, of the light's parts by their signs."""
+        total = mi.Color3f(0)
+        for sign, scene in self._scenes:
+            total += sign * self._part(mi, scene.environment(), si, place, sampler)
+        return total
+
+    def _part(self, mi: Any, emission: Any, si: Any, place: _Place, sampler: Any) -> Any:
+        """Return an estimate under one part of the light: emitter and BSDF sample, weighed by their densities."""
         import drjit as dr
 
-        context, emission, reflector = mi.BSDFContext(), self.scene.environment(), self.surface.bsdf
-        ds, light = emission.sample_direction(si, sampler.next_2d())
-        value, pdf = reflector.eval_pdf(context, si, si.to_local(ds.d), ds.pdf > 0)
-        if not self.sample_lobes:
-            return self._unshadowed(mi, si, ds.d, light * value)
-        by_light = self._unshadowed(mi, si, ds.d, light * value * _balance(ds.pdf, pdf))
+        context, reflector = mi.BSDFContext(), self.surface.bsdf
+        bounces = 0 if self.surface.occluder is None else self.surface.bounces
+        total, through, active = mi.Color3f(0), mi.Color3f(1), mi.Bool(True)
+        for depth in range(1 + bounces):
+            ds, light = emission.sample_direction(si, sampler.next_2d(), active)
+            value, pdf = reflector.eval_pdf(context, si, si.to_local(ds.d), active & (ds.pdf > 0))
+            share = _balance(ds.pdf, pdf) if self.sample_lobes else 1.0
+            total += self._unshadowed(mi, place, ds.d, through * light * value * share)
+            if depth == bounces and not self.sample_lobes:
+                break
+            sample, weight = reflector.sample(context, si, sampler.next_1d(), sampler.next_2d(), active)
+            direction = si.to_world(sample.wo)
+            through = through * weight
+            sent = mi.Color3f(0)
+            if self.sample_lobes:
+                seen = dr.zeros(mi.SurfaceInteraction3f)
+                seen.wi = -direction
+                ds = mi.DirectionSample3f()  # its direction alone is read
+                ds.d = direction
+                sent = through * emission.eval(seen) * _balance(sample.pdf, emission.pdf_direction(si, ds))
+            if depth == bounces:
+                total += self._unshadowed(mi, place, direction, sent)
+                break
+            found = self.scene.ray_intersect(place.ray(mi, direction), active & dr.any(through > 0))
+            total += dr.select(found.is_valid(), mi.Color3f(0), sent)
+            si, place, active = self._reached(mi, found, place, direction)
+            if self.surface.texture is not None:
+                through = through * mi.Color3f(*self.surface.texture.eval(found.uv))
+        return total
 
-        sample, weight = reflector.sample(context, si, sampler.next_1d(), sampler.next_2d())
-        direction = si.to_world(sample.wo)
-        seen = dr.zeros(mi.SurfaceInteraction3f)
-        seen.wi = -direction
-        ds = mi.DirectionSample3f()  # its direction alone is read
-        ds.d = direction
-        share = _balance(sample.pdf, emission.pdf_direction(si, ds))
-        return by_light + self._unshadowed(mi, si, direction, weight * emission.eval(seen) * share)
-
-    def _unshadowed(self, mi: Any, si: Any, direction: Any, radiance: Any) -> Any:
+    def _unshadowed(self, mi: Any, place: _Place, direction: Any, radiance: Any) -> Any:
         """Return `radiance`, or zero where the shape itself hides the light in `direction`."""
         import drjit as dr
 
         if self.surface.occluder is None:
             return radiance
-        hidden = self.scene.ray_test(si.spawn_ray(direction), dr.any(radiance > 0))
+        hidden = self.scene.ray_test(place.ray(mi, direction), dr.any(radiance > 0))
         return dr.select(hidden, mi.Color3f(0), radiance)
+
+    def _reached(self, mi: Any, found: Any, place: _Place, direction: Any) -> tuple[Any, _Place, Any]:
+        """Return the surface that a ray in `direction` has found, as the light sees it and as rays leave it.
+
+        An open shape is turned to the side that was met; the inside of a closed one is met by no path that counts.
+        """
+        import drjit as dr
+
+        front = dr.dot(found.n, place.at_rest(mi, direction)) < 0
+        active, n, frame = found.is_valid(), found.n, found.sh_frame
+        if self.surface.closed:
+            active = active & front
+        else:
+            n = dr.select(front, n, -n)
+            frame = mi.Frame3f(frame.s, dr.select(front, frame.t, -frame.t), dr.select(front, frame.n, -frame.n))
+        si = dr.zeros(mi.SurfaceInteraction3f)
+        si.sh_frame = mi.Frame3f(*(place.posed(mi, axis) for axis in (frame.s, frame.t, frame.n)))
+        si.n = mi.Normal3f(place.posed(mi, n))
+        si.wi = si.to_local(-direction)
+        return si, replace(place, position=found.p, geometric=mi.Vector3f(n), normal=mi.Vector3f(frame.n)), active
+
+    def _place(self, mi: Any, points: Points, spread: Callable[[Array], Any]) -> _Place:
+        """Return where the points are on the occluder, their arrays laid out by `spread`."""
+        position, geometric, normal, rotation = points.position, points.geometric_normal, points.normal, None
+        if self.surface.carried and self.surface.occluder is not None:
+            position, geometric, normal = _at_rest(self.surface.occluder, points)
+            if points.rotation is not None:
+                rotation = tuple(spread(points.rotation[:, row]) for row in range(3))
+        return _Place(mi.Point3f(spread(position)), spread(geometric), spread(normal), self.surface.lift, rotation)
+
+
+@dataclass(frozen=True)
+class _Place:
+    """Where rays leave the occluder: `position`, geometric and shading `normal` in its own frame, all Mitsuba's.
+
+    `rotation` holds the rows of the matrix that turns the occluder's frame into the light's; None where they are one.
+    """
+
+    position: Any
+    geometric: Any
+    normal: Any
+    lift: float
+    rotation: tuple[Any, ...] | None = None
+
+    def ray(self, mi: Any, direction: Any) -> Any:
+        """Return the ray in a `direction` of the light's frame.
+
+        It starts off the surface on the side of the shading normal that it goes to. Leaving on the geometric normal's
+        side instead, a vertex would look into a convex shape past all but one of its triangles.
+        """
+        import drjit as dr
+
+        turned = self.at_rest(mi, direction)
+        side = dr.mulsign(mi.Float(self.lift), dr.dot(self.normal, turned))
+        return mi.Ray3f(self.position + side * self.geometric, turned)
+
+    def at_rest(self, mi: Any, vector: Any) -> Any:
+        """Return R^T v."""
+        if self.rotation is None:
+            return vector
+        x, y, z = self.rotation
+        return mi.Vector3f(x * vector.x + y * vector.y + z * vector.z)
+
+    def posed(self, mi: Any, vector: Any) -> Any:
+        """Return R v."""
+        import drjit as dr
+
+        vector = mi.Vector3f(vector)
+        return vector if self.rotation is None else mi.Vector3f(*(dr.dot(row, vector) for row in self.rotation))
+
+
+def _at_rest(mesh: TriangleMesh, points: Points) -> tuple[Array, Array, Array]:
+    """Return position, geometric and shading normal, (n, 3) each, of the points on the mesh at rest."""
+    if points.triangle is None or points.barycentric is None:
+        raise BadInput(
+            "shadows of the shape at rest need points with triangle and barycentric; take those of an image."
+        )
+    corners = mesh.triangles[points.triangle]
+    a, b, c = (mesh.vertices[corners[:, k]] for k in range(3))
+    position, normal = (
+        np.einsum("nk,nkc->nc", points.barycentric, values[corners]) for values in (mesh.vertices, mesh.normals)
+    )
+    return position, normalised(np.cross(b - a, c - a)), normalised(normal)
 
 
 def _interaction(mi: Any, points: Points, spread: Any) -> Any:

@@ -16,7 +16,7 @@ from envbench.errors import BadInput
 from envbench.geometry import Geometry, Points
 from envbench.material import Material
 from envbench.method import Method, Tolerance
-from envbench.scene import Effect
+from envbench.scene import Effect, Scene
 
 MOST = 4**8
 STREAM = (0x4D43, 1)
@@ -50,6 +50,13 @@ class MonteCarlo(Method):
             raise BadInput(f"samples must be a power of four in [16, {MOST}]. Got {self.samples} instead.")
         if not 0 <= self.seed < 2**64:
             raise BadInput(f"seed must lie in [0, 2^64). Got {self.seed} instead.")
+
+    def declines(self, scene: Scene) -> str | None:
+        if scene.geometry.pose is not None:
+            return "its rays meet the shape at rest: it is prepared before there is a pose"
+        if not scene.geometry.convex and Effect.SELF_SHADOWING not in scene.effects:
+            return "it always simulates the shadows that this scene leaves out"
+        return None
 
     def prepare(self, material: Material, geometry: Geometry) -> Surface:
         """Make Mitsuba's BSDF, and the shape's ray-tracing structure where it can shadow itself."""

@@ -23,7 +23,7 @@ def compare(name: str, sampled: Reference, exact: Array) -> Agreement:
     """Compare Mitsuba's reference with the quadrature's result (n, 3) at the same points."""
     count = len(sampled.replicates)
     quantile = float(stats.t.ppf(0.5 + CONFIDENCE / 2, count - 1))
-    scale = float(exact.mean()) or 1.0
+    scale = float(np.abs(exact).mean()) or 1.0
     means = sampled.replicates.mean((1, 2)) / scale  # one a replicate: errors at points of one replicate may correlate
     error = sampled.mean - exact
     # float32 replicates of identical samples (a black light) have no spread at all
@@ -42,7 +42,7 @@ def table(scenes: Iterable[Scene], settings: ReferenceSettings = SETTINGS) -> li
     """Compare the references on every convex scene, at `QUERIES` of its points."""
     rows: list[Agreement] = []
     for scene in scenes:
-        if scene.geometry.convex:
+        if scene.geometry.posed.convex:
             part = replace(scene, points=scene.points.spread(QUERIES))
             rows.append(compare(scene.name, mitsuba_direct.render(part, settings), quadrature.integrate(part)))
     return rows

@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+import data_gen.boundary
 import data_gen.geometry.mitsuba_shape
 import data_gen.mitsuba_bsdf
 import data_gen.mitsuba_estimator
@@ -32,6 +33,7 @@ from envbench.scene import Scene
 
 SOURCES = (
     direct,
+    data_gen.boundary,
     data_gen.geometry.mitsuba_shape,
     data_gen.mitsuba_bsdf,
     data_gen.mitsuba_estimator,
@@ -55,12 +57,13 @@ def provenance(scene: Scene, settings: ReferenceSettings) -> dict[str, Any]:
         "environment": scene.environment.key,
         "material": scene.material.key,
         "geometry": scene.geometry.key,
-        "convex": scene.geometry.convex,
+        "convex": [scene.geometry.convex, scene.geometry.posed.convex],
         "points": scene.points.key,
+        "at rest": _at_rest(scene),
         "weight": _digest_of(scene.points.weight),
         "modulation": None if scene.points.modulation is None else _digest_of(scene.points.modulation),
         "effects": sorted(scene.effects),
-        "integrator": "direct at the points",
+        "integrator": "direct at the points, and bounces",
         "sampler": data_gen.mitsuba_estimator.SAMPLER,
         "settings": asdict(settings),
         "sources": {m.__name__: hashlib.sha256(inspect.getsource(m).encode()).hexdigest() for m in SOURCES},
@@ -158,7 +161,16 @@ def _verify(file: Path) -> None:
         raise Damaged("its checksum does not fit")
 
 
-def _digest_of(values: NDArray[np.floating]) -> str:
+def _at_rest(scene: Scene) -> list[str | None] | None:
+    """Return digests of what says where the points of a posed shape are at rest; None without a pose."""
+    if scene.geometry.pose is None:
+        return None
+    points = scene.points
+    parts = (points.rotation, points.triangle, points.barycentric)
+    return [None if part is None else _digest_of(part) for part in parts]
+
+
+def _digest_of(values: NDArray[Any]) -> str:
     return hashlib.sha256(np.asarray(values, np.float64).tobytes()).hexdigest()
 
 

@@ -2,6 +2,19 @@
 
 Each sample of the light is joined by one of the lobes (`data_gen.mitsuba_estimator`), except where the light alone
 serves better: wide lobes, as a pilot tells.
+
+What is simulated follows the scene's effects:
+
+======================================  ==============================================================================
+effects                                 light reaches a point
+======================================  ==============================================================================
+none of those below                     from everywhere
+self-shadowing                          where the shape lets it through. Of a posed shape: where the shape *at rest*
+                                        does, seen from the point at rest, its directions turned along with the pose:
+                                        local effects only, what a transfer simulated at rest and turned tells of
+self-shadowing, deformation             where the posed shape lets it through
+inter-reflection, beside these          also by way of the shape, at most so often as the settings say
+======================================  ==============================================================================
 """
 
 from __future__ import annotations
@@ -13,7 +26,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from data_gen.lobes import Lambertian
+from data_gen.lobes import Lambertian, Membrane
 from data_gen.mitsuba_estimator import Estimator, Surface
 from envbench.reference import Reference, ReferenceSettings
 from envbench.scene import Effect, Scene
@@ -64,7 +77,7 @@ def render(scene: Scene, settings: ReferenceSettings, key: str = "") -> Referenc
     result = Reference(np.zeros(shape), scene.points.weight, 0, 0.0, key, settings.floor)
     if not scene.environment.radiance.any():
         return result
-    estimator = estimator_for(scene, settings.variant, settings.seed)
+    estimator = estimator_for(scene, settings.variant, settings.seed, settings.bounces)
     modulation = 1.0 if scene.points.modulation is None else scene.points.modulation
     first = _FIRST // 4 if settings.variant.startswith("scalar") else _FIRST
     samples = np.full(len(scene.points), first)
@@ -102,17 +115,24 @@ def render(scene: Scene, settings: ReferenceSettings, key: str = "") -> Referenc
         samples = planned
 
 
-def estimator_for(scene: Scene, variant: str, seed: int = 0) -> Estimator:
+def surface_for(scene: Scene, variant: str, bounces: int) -> Surface:
+    """Return what reflects in a scene: its material, and what its effects let shadow it."""
+    if not scene.effects & {Effect.SELF_SHADOWING, Effect.INTERREFLECTION}:
+        return Surface(scene.material, None, variant)
+    carried = scene.geometry.pose is not None and Effect.DEFORMATION not in scene.effects
+    surface = Surface.of(scene.material, scene.geometry.rest if carried else scene.geometry.posed, variant)
+    return replace(surface, carried=carried, bounces=bounces if Effect.INTERREFLECTION in scene.effects else 0)
+
+
+def estimator_for(scene: Scene, variant: str, seed: int = 0, bounces: int = ReferenceSettings.bounces) -> Estimator:
     """Return the estimator that serves a scene best: with samples of the lobes, unless a pilot does well without.
 
     Where the light's samples miss a peak they seem less noisy than they are; so their error is taken from the mean of
     the other estimate too, which finds all peaks. The choice rests on noise alone and is the same on every machine.
     """
-    shadows = Effect.SELF_SHADOWING in scene.effects
-    surface = Surface.of(scene.material, scene.geometry if shadows else replace(scene.geometry, convex=True), variant)
-    both = Estimator(surface, scene.environment)
+    both = Estimator(surface_for(scene, variant, bounces), scene.environment)
     light = replace(both, sample_lobes=False)
-    if all(isinstance(lobe, Lambertian) for lobe in scene.material.lobes):
+    if all(isinstance(lobe, Lambertian | Membrane) for lobe in scene.material.lobes):
         return light
     if variant.startswith("scalar") or any(lobe.cone(0.1) < _NARROW for lobe in scene.material.lobes):
         return both

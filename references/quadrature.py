@@ -29,7 +29,7 @@ from envbench.material import Lobe
 from envbench.scene import Scene
 
 TOLERANCE = 1e-8
-"""Estimated error at which a cell is left whole, relative to the mean radiance of the light."""
+"""Estimated error at which a cell is left whole, relative to the mean (absolute) radiance of the light."""
 _TAIL = 1e-9
 """Part of a lobe that may lie outside the cone that is integrated."""
 _BLOCK = 8192
@@ -65,14 +65,14 @@ def integrate(scene: Scene, indices: ArrayLike | None = None, *, tolerance: floa
     BadInput
         The shape is not convex: what the light reaches then depends on visibility.
     """
-    if not scene.geometry.convex:
+    if not scene.geometry.posed.convex:
         raise BadInput(
             f"quadrature needs a convex shape, and '{scene.geometry.name}' is not; use the Mitsuba reference."
         )
     points, environment = scene.points, scene.environment
     chosen = np.arange(len(points)) if indices is None else np.asarray(indices, int)
     total = np.zeros((len(chosen), 3))
-    scale = tolerance * float(environment.mean.sum())
+    scale = tolerance * sum(float(part.mean.sum()) for _, part in environment.parts)
     if scale == 0:
         return total
     for lobe in scene.material.lobes:

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from data_gen.environments import parameters
+from data_gen.environments import projected as projection
 from data_gen.environments.daylight import sunsky
 from data_gen.environments.files import read
 from data_gen.environments.generated import band_limited, constant, lamps, noise, pixel
@@ -45,6 +46,14 @@ def file(*, path: str, layout: str = Layout.LATLONG, size: int | None = None) ->
     return _reduced("file", read(path if Path(path).is_absolute() else locate(path), layout), size)
 
 
+def projected(
+    *, of: str | None = None, light: Mapping[str, Any] | None = None, order: int = 6, window: str = "none",
+    size: int | None = None,
+) -> Environment:  # fmt: skip
+    """Return a light, a preset's name or a table, projected to `order` bands on a map of `size` rows."""
+    return projection.project(build(projection.source(of, light, LIGHTS)), order, window, size)
+
+
 def _reduced(kind: str, environment: Environment, size: int | None) -> Environment:
     if size is None:
         return environment
@@ -66,6 +75,7 @@ KINDS: Mapping[str, Callable[..., Environment]] = {
     "band-limited": band_limited,
     "hall": hall,
     "sunsky": sunsky,
+    "projected": projected,
 }
 """Every kind of light, by the function whose keyword arguments are its settings."""
 
@@ -80,6 +90,9 @@ LIGHTS: dict[str, dict[str, Any]] = {
     "band-limited": {"kind": "band-limited"},
     "hall": {"kind": "hall"},
     "sunsky": {"kind": "sunsky"},
+    "esplanade-6": {"kind": "projected", "of": "esplanade", "order": 6},
+    "studio-6": {"kind": "projected", "of": "studio", "order": 6},
+    "workshop-6": {"kind": "projected", "of": "workshop", "order": 6},
 }
 
 

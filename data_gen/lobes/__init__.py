@@ -8,7 +8,11 @@ from data_gen.lobes.ggx import GGX
 from data_gen.lobes.kajiya_kay import KajiyaKay, KajiyaKayDiffuse
 from data_gen.lobes.lafortune import Lafortune
 from data_gen.lobes.lambertian import Lambertian
+from data_gen.lobes.membrane import Membrane
 from data_gen.lobes.microfacet import Microfacet
 from data_gen.lobes.phong import Phong
 
-__all__ = ["GGX", "CookTorrance", "KajiyaKay", "KajiyaKayDiffuse", "Lafortune", "Lambertian", "Microfacet", "Phong"]
+__all__ = [
+    "GGX", "CookTorrance", "KajiyaKay", "KajiyaKayDiffuse", "Lafortune", "Lambertian", "Membrane", "Microfacet",
+    "Phong",
+]  # fmt: skip

@@ -144,7 +144,6 @@ class Angular(Method):
             cls(light_rows=16, rows=16, directions=8, eps=0.03),
             cls(light_rows=32, rows=32, directions=8, eps=0.01),
             cls(light_rows=64, rows=40, directions=12, eps=0.003),
-            cls(light_rows=64, rows=56, directions=16, eps=0.001),
         ]
 
     def _light(self, environment: Environment, lobe: Lobe) -> Environment:

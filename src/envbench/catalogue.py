@@ -9,7 +9,7 @@ from typing import Any, Protocol
 from envbench.method import Method
 from envbench.records import MaterialSheet
 from envbench.reference import Agreement, Reference, ReferenceSettings
-from envbench.scene import Scene
+from envbench.scene import Effect, Scene
 
 Spec = Mapping[str, Any]
 """A thing of a suite as TOML gives it, e.g. ``{"kind": "file", "path": "grace.exr"}``; picklable."""
@@ -26,8 +26,14 @@ class Catalogue(Protocol):
     views: Mapping[str, Spec]
     """Point sets: uniform (R, V) queries, images seen by a viewer."""
 
-    def scene(self, *, name: str, light: Spec, material: Spec, geometry: Spec, view: Spec) -> Scene:
-        """Build a scene; raises `BadInput` for what cannot be read or makes no sense."""
+    def scene(
+        self, *, name: str, light: Spec, material: Spec, geometry: Spec, view: Spec,
+        effects: Sequence[Effect] | None = None,
+    ) -> Scene:  # fmt: skip
+        """Build a scene; raises `BadInput` for what cannot be read or makes no sense.
+
+        Its effects are those that its facts call for, or the `effects` given.
+        """
         ...
 
     def reference(self, scene: Scene, settings: ReferenceSettings, cache: Path | None) -> Reference:

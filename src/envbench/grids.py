@@ -12,7 +12,7 @@ from typing import Any
 from envbench.catalogue import Catalogue, Spec
 from envbench.errors import BadInput, unknown
 from envbench.root import Workbench
-from envbench.scene import Scene
+from envbench.scene import Effect, Scene, told
 from envbench.suite import Grid, Knob, Suite
 
 KINDS = {"light": "lights", "material": "materials", "geometry": "geometries", "view": "views"}
@@ -43,7 +43,7 @@ class Turn:
 class SceneSpec:
     """A scene by name and by what its parts mean; small and picklable, so that a worker builds it itself.
 
-    `name` is light/material/geometry/view, the same in every suite.
+    `name` is light/material/geometry/view, the same in every suite, and after it the effects where a suite chose them.
     """
 
     light: str
@@ -53,17 +53,19 @@ class SceneSpec:
     specs: Mapping[str, Spec]
     turn: Turn | None = None
     position: int = field(default=0, compare=False)
+    effects: tuple[Effect, ...] | None = None
 
     @property
     def name(self) -> str:
-        """The four names, joined."""
-        return "/".join((self.light, self.material, self.geometry, self.view))
+        """The four names, joined, and the effects that were chosen."""
+        return "/".join((self.light, self.material, self.geometry, self.view)) + told(self.effects)
 
     @property
     def meaning(self) -> dict[str, Any]:
         """What the four names meant, and of a step of a hard case what was turned."""
         turn = {} if self.turn is None else {"knob": {"vary": self.turn.vary, "value": self.turn.value}}
-        return {**self.specs, **turn}
+        chosen = {} if self.effects is None else {"effects": {"only": [effect.value for effect in self.effects]}}
+        return {**self.specs, **turn, **chosen}
 
     def place(self) -> dict[str, Any]:
         """Return the fields of a `SceneResult` that say where in its plan, and in its hard case, the scene stands."""
@@ -73,15 +75,17 @@ class SceneSpec:
 
     def build(self, catalogue: Catalogue) -> Scene:
         """Build the scene; raises `BadInput`."""
-        return catalogue.scene(name=self.name, **self.specs)
+        return catalogue.scene(name=self.name, effects=self.effects, **self.specs)
 
 
 def expand(grid: Grid, suite: Suite, bench: Workbench) -> Iterator[SceneSpec]:
     """Yield the scenes of a grid, each name looked up among the suite's tables and the catalogue's presets."""
+    effects = None if grid.effects is None else tuple(sorted(set(grid.effects)))
     axes = {"light": grid.lights, "material": grid.materials, "geometry": (grid.geometry,), "view": (grid.view,)}
     found = {kind: {name: look_up(kind, name, suite, bench) for name in names} for kind, names in axes.items()}
     for names in itertools.product(*axes.values()):
-        yield SceneSpec(*names, specs={kind: found[kind][name] for kind, name in zip(axes, names, strict=True)})
+        specs = {kind: found[kind][name] for kind, name in zip(axes, names, strict=True)}
+        yield SceneSpec(*names, specs=specs, effects=effects)
 
 
 def steps(knob: Knob, suite: Suite, bench: Workbench) -> Iterator[SceneSpec]:

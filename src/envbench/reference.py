@@ -26,6 +26,8 @@ class ReferenceSettings:
     seed : int
     variant : str
         Mitsuba variant.
+    bounces : int
+        How often light may come by way of the shape itself, in a scene that calls for inter-reflection.
     """
 
     floor: float = 1e-3
@@ -33,6 +35,7 @@ class ReferenceSettings:
     replicates: int = 8
     seed: int = 0
     variant: str = "llvm_ad_rgb"
+    bounces: int = 3
 
     def __post_init__(self) -> None:
         if not 1e-6 <= self.floor <= 1:
@@ -41,6 +44,8 @@ class ReferenceSettings:
             raise BadInput(f"reference budget must be > 0 seconds. Got {self.budget} instead.")
         if self.replicates < 8:
             raise BadInput(f"reference replicates must be >= 8. Got {self.replicates} instead.")
+        if not 1 <= self.bounces <= 64:
+            raise BadInput(f"reference bounces must lie in [1, 64]. Got {self.bounces} instead.")
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from enum import StrEnum
 
@@ -19,6 +20,17 @@ class Effect(StrEnum):
     INTERREFLECTION = "interreflection"
     SUBSURFACE = "subsurface"
     DEFORMATION = "deformation"
+
+
+def told(effects: Iterable[Effect] | None) -> str:
+    """Return what sets a scene's name apart from that of the same scene with its usual effects, for which it is empty.
+
+    Examples
+    --------
+    >>> told([Effect.SELF_SHADOWING, Effect.INTERREFLECTION]), told([]), told(None)
+    (' [interreflection, self-shadowing]', ' [no effects]', '')
+    """
+    return "" if effects is None else f" [{', '.join(sorted(set(effects))) or 'no effects'}]"
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,6 +11,7 @@ from typing import Any
 
 from envbench.errors import BadInput
 from envbench.reference import ReferenceSettings
+from envbench.scene import Effect
 from envbench.settings import construct
 
 Tables = dict[str, dict[str, Any]]
@@ -48,6 +49,8 @@ class Grid:
         Labels of the suite's ``[[methods]]`` that run here; None is all of them.
     optional : bool
         Leave out, with a note, the scenes whose files of data are absent, instead of refusing to begin.
+    effects : tuple of Effect or None
+        What ground truth simulates here; None is all that the scene's facts call for.
     """
 
     lights: tuple[str, ...]
@@ -56,6 +59,7 @@ class Grid:
     view: str = "image"
     methods: tuple[str, ...] | None = None
     optional: bool = False
+    effects: tuple[Effect, ...] | None = None
 
 
 @dataclass(frozen=True)

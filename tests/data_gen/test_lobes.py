@@ -2,13 +2,26 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 from scipy import integrate
 
-from data_gen.lobes import GGX, CookTorrance, KajiyaKay, KajiyaKayDiffuse, Lafortune, Lambertian, Microfacet, Phong
+from data_gen.lobes import (
+    GGX,
+    CookTorrance,
+    KajiyaKay,
+    KajiyaKayDiffuse,
+    Lafortune,
+    Lambertian,
+    Membrane,
+    Microfacet,
+    Phong,
+)
 from data_gen.materials import MATERIALS, build
 from envbench.directions import from_angles, normalised, perpendicular, reflect, uniform
+from envbench.errors import BadInput
 from envbench.furnace import lobe_integrals
 from envbench.geometry import Points
 from envbench.material import Centre, Lobe, Material
@@ -17,6 +30,7 @@ from methods.shrm.coefficients import expand
 SKIN = build(MATERIALS["lafortune-skin"]).lobes[0]
 FACETS = [GGX(roughness=0.4), GGX(roughness=1.0), CookTorrance(roughness=0.3, f0=(0.9, 0.5, 0.1))]
 FIBRES = [KajiyaKay(exponent=32), KajiyaKay(exponent=1), KajiyaKayDiffuse()]
+MEMBRANES = [Membrane(transparency=0.3), Membrane(transparency=1.0)]
 LOBES = [
     Lambertian(),
     Phong(exponent=1),
@@ -26,6 +40,7 @@ LOBES = [
     SKIN,
     *FACETS,
     *FIBRES,
+    *MEMBRANES,
 ]
 VIEWS = [0.0, 0.7, 1.3, 1.55]
 
@@ -58,6 +73,23 @@ def test_integral_of_a_whole_lobe(lobe: Lobe) -> None:
     light, weight = sphere_rule(centre)
     value = lobe.profile(light, view[:, None, None], centre[:, None, None], normal[:, None, None])[0]
     assert np.sum(value * weight) == pytest.approx(1, abs=1e-4)  # the kink at the equator costs O(theta' / n^2)
+
+
+def test_a_membrane_lets_light_through_and_without_transparency_is_lambertian() -> None:
+    view, centre, normal = frame_of(Membrane(), 0.7)
+    light = uniform(200, np.random.default_rng(8)).T
+    axes = [v[:, None] for v in (view, centre, normal)]
+    forth, back = (Membrane(transparency=0.4).evaluate(side, *axes)[0] for side in (light, -light))
+    assert back[light[2] > 0] == pytest.approx(0.4 * forth[light[2] > 0])
+    assert Membrane(transparency=0.0).evaluate(light, *axes)[0] == pytest.approx(Lambertian().evaluate(light, *axes)[0])
+    total = lobe_integrals(Material("test", (Membrane(transparency=0.4),)), seen_along_the_normal())
+    assert total == pytest.approx(1.4, rel=1e-6)
+
+
+@pytest.mark.parametrize("settings", [{"transparency": 1.01}, {"transparency": -0.1}, {"clipped": True}])
+def test_a_membrane_refuses(settings: dict[str, Any]) -> None:
+    with pytest.raises(BadInput, match=r"transparency|horizon"):
+        Membrane(**settings)
 
 
 def test_microfacet_small_sigma_integrates_to_the_cosine() -> None:

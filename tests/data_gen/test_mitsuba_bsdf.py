@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from data_gen.lobes import GGX, CookTorrance, KajiyaKay, KajiyaKayDiffuse, Lambertian, Microfacet, Phong
+from data_gen.lobes import GGX, CookTorrance, KajiyaKay, KajiyaKayDiffuse, Lambertian, Membrane, Microfacet, Phong
 from data_gen.lobes.facets import Facets
 from data_gen.materials import MATERIALS, build
 from data_gen.mitsuba_bsdf import bsdf
@@ -31,6 +31,7 @@ LOBES: list[tuple[Lobe, ...]] = [
     (GGX(roughness=0.5, f0=(0.9, 0.5, 0.1)),),
     (GGX(roughness=1.0),),
     (KajiyaKay(exponent=32),),
+    (Membrane(transparency=0.3, reflectance=(0.3, 0.2, 0.1)),),
     (KajiyaKayDiffuse(reflectance=(0.3, 0.2, 0.1)), KajiyaKay(exponent=4)),
     (Lambertian(reflectance=(0.1, 0.2, 0.3)), Phong(exponent=30), Microfacet(sigma=0.3, clipped=False)),
 ]

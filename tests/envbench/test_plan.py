@@ -188,3 +188,27 @@ def test_a_survey_is_of_presets_by_glob_and_of_what_the_scenes_use(planned) -> N
     assert list(survey) == ["lambertian", "phong", "phong-whole"]
     with pytest.raises(BadInput, match="unknown material of \\[survey\\]: 'phnog': did you mean 'phong'"):
         planned(TWO, SUITE + '[survey]\nmaterials = ["phnog"]\n')
+
+
+def test_effects_that_a_suite_chooses_set_a_scene_apart(planned) -> None:
+    table = '[[methods]]\nname = "own"\n'
+    chosen = SUITE.replace("[[scenes]]", '[[scenes]]\neffects = ["self-shadowing"]')
+    none = SUITE.replace("[[scenes]]", "[[scenes]]\neffects = []")
+    plans = [planned(table, text) for text in (SUITE, chosen, none)]
+    assert [p.scenes[0].name.removeprefix(SCENE) for p in plans] == ["", " [self-shadowing]", " [no effects]"]
+    assert len({p.cells[0].key for p in plans}) == 3
+    assert plans[1].scenes[0].meaning["effects"] == {"only": ["self-shadowing"]}
+
+
+@pytest.mark.parametrize(
+    ("effects", "named"),
+    [
+        ('["shadows"]', "self-shadowing"),
+        ('["subsurface"]', "subsurface"),
+        ('["deformation"]', "no pose"),
+        ('["interreflection"]', "add self-shadowing"),
+    ],
+)
+def test_effects_that_make_no_sense(planned, effects: str, named: str) -> None:
+    with pytest.raises(BadInput, match=named):
+        planned('[[methods]]\nname = "own"\n', SUITE.replace("[[scenes]]", f"[[scenes]]\neffects = {effects}"))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -15,9 +16,9 @@ from envbench import laws
 from envbench.directions import normalised, perpendicular, uniform
 from envbench.environment import Environment
 from envbench.errors import BadInput
-from envbench.geometry import Geometry, Points
+from envbench.geometry import Geometry, Points, Pose, TriangleMesh
 from envbench.material import Material
-from envbench.scene import Scene
+from envbench.scene import Effect, Scene
 from methods.monte_carlo import STREAM, MonteCarlo
 from references.quadrature import integrate
 
@@ -108,3 +109,15 @@ def test_hard_light(mi: object) -> None:
 def test_settings(settings: dict[str, int], named: str) -> None:
     with pytest.raises(BadInput, match=named):
         MonteCarlo(**settings)
+
+
+def test_declines_what_it_cannot_leave_out() -> None:
+    """A pose that `prepare` never sees, and shadows that a scene is told to leave out."""
+    made = scene(PLASTIC)
+    mesh = TriangleMesh(np.eye(3), np.array([[0, 1, 2]], np.int32), np.eye(3))
+    pose = Pose("bent", np.eye(3), np.eye(3), np.tile(np.eye(3), (3, 1, 1)))
+    posed, open_ = Geometry("leaf", mesh, convex=False, pose=pose), Geometry("leaf", mesh, convex=False)
+    shadowed = frozenset({Effect.SELF_SHADOWING})
+    assert "pose" in str(MonteCarlo().declines(replace(made, geometry=posed, effects=shadowed)))
+    assert "shadows" in str(MonteCarlo().declines(replace(made, geometry=open_)))
+    assert MonteCarlo().declines(replace(made, geometry=open_, effects=shadowed)) is None
