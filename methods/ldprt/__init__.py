@@ -1,0 +1,1 @@
+"""Local, deformable precomputed radiance transfer (Sloan, Luna and Snyder 2005)."""
