@@ -131,8 +131,8 @@ def specialised(
         What `methods.ldprt.table.build` made of the same light.
     rotations : (V, 3, 3), optional
         Rest to posed; without them nothing turned.
-    factors : (V, J), optional
-        View factors u_j; without them all 1.
+    factors : (V, J) or (V, J, 3), optional
+        View factors u_j, for all channels or for each; without them all 1.
 
     Raises
     ------
@@ -363,9 +363,10 @@ def _matrix(rotations: Array, count: int) -> list[list[Any]]:
 def _factors(factors: Array | None, lobes: Packed) -> list[Any]:
     if factors is None:
         return [1.0] * lobes.rows
-    if factors.shape != (len(lobes), lobes.rows):
-        raise BadInput(f"view factors must have shape {(len(lobes), lobes.rows)}. Got {factors.shape} instead.")
-    return _floats(_points_last(factors))
+    wanted = (len(lobes), lobes.rows)
+    if factors.shape not in (wanted, (*wanted, 3)):
+        raise BadInput(f"view factors must have shape {wanted} or {(*wanted, 3)}. Got {factors.shape} instead.")
+    return [_three(u) if factors.ndim == 3 else u for u in _floats(_points_last(factors))]
 
 
 def _points_last(values: NDArray[np.floating]) -> NDArray[np.float32]:

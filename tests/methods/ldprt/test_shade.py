@@ -187,6 +187,9 @@ def test_rows_are_weighed_by_view_factors() -> None:
     local = shade.locally(given.packed, given.light, table.harmonics(4), given.rotations, u)
     assert np.abs(got - local).max() < SINGLE * scale
     assert np.sqrt(np.mean((got - exact) ** 2)) < 0.02 * exact.std()
+    coloured = u[..., None] * [1.0, -2.0, 0.5]
+    each = shade.evaluated(given.packed, given.light, given.rotations, coloured)
+    assert np.abs(each - exact * [1.0, -2.0, 0.5]).max() < 2 * SINGLE * scale
     summed = shade.evaluated(given.packed, given.light, given.rotations)
     assert np.abs(summed - given.radiance().sum(1)).max() < SINGLE * scale
 
