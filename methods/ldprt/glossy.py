@@ -19,14 +19,18 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import isqrt, pi
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from envbench.arrays import namespace
 from envbench.directions import Array, perpendicular, reflect
 from envbench.errors import BadInput
 from envbench.material import Centre, Lobe, Material
 from envbench.real_harmonics import basis
+from methods.ldprt.lanes import applied, floats, points_last, transposed
+from methods.ldprt.lookup import Bilinear
 from methods.ldprt.rotation import rotate, turned_about_z
 
 VIEW_SIZE = 32
@@ -160,18 +164,24 @@ def hemisphere(square: Array) -> Array:
 
 def square(direction: Array) -> Array:
     """Return the points (..., 2) of the square that `hemisphere` takes to directions with z >= 0."""
-    x, y, z = np.moveaxis(direction, -1, 0)
-    r = np.sqrt((x * x + y * y) / (1 + np.maximum(z, 0)))
-    phi = np.arctan2(y, x)
-    quarter = np.round(phi / (pi / 2)).astype(int) % 4  # towards +a, +b, -a, -b
-    along = r * (phi - pi / 2 * np.round(phi / (pi / 2))) / (pi / 4)
-    a = np.choose(quarter, [r, -along, -r, along])
-    b = np.choose(quarter, [along, r, -along, -r])
-    return np.stack([a, b], axis=-1)
+    return np.stack(_square(*np.moveaxis(direction, -1, 0)), axis=-1)
 
 
-def view_factors(brdf: Factored, view: Array, frames: Array, rotations: Array | None = None) -> Array:
+def _square(x: Any, y: Any, z: Any) -> tuple[Any, Any]:
+    xp = namespace(x, y, z)
+    r = xp.sqrt((x * x + y * y) / (1 + xp.maximum(z, 0.0)))
+    phi = xp.arctan2(y, x)
+    quarter = xp.floor(phi / (pi / 2) + 0.5)  # -2 ... 2, towards -a, -b, +a, +b and -a
+    along = r * (phi - pi / 2 * quarter) / (pi / 4)
+    a = xp.where(quarter == 0, r, xp.where(quarter == 1, -along, xp.where(quarter == -1, along, -r)))
+    b = xp.where(quarter == 0, along, xp.where(quarter == 1, r, xp.where(quarter == -1, -r, -along)))
+    return a, b
+
+
+def view_factors(brdf: Factored, view: Array, frames: Array, rotations: Array | None = None) -> NDArray[np.float32]:
     """Return u(v) at points, (V, n_b, 3), bilinear in the map; zero where the viewer is below the horizon.
+
+    Beyond the outermost texels' centres their values are kept.
 
     Parameters
     ----------
@@ -181,17 +191,30 @@ def view_factors(brdf: Factored, view: Array, frames: Array, rotations: Array | 
         `frames` of the points at rest.
     rotations : (V, 3, 3), optional
         Rest to posed.
+
+    Raises
+    ------
+    BadInput
+        Arrays of other shapes.
     """
-    at_rest = view if rotations is None else np.einsum("vba,vb->va", rotations, view)
-    local = np.einsum("vba,vb->va", frames, at_rest)
-    size = len(brdf.factors)
-    x, y = np.clip((np.moveaxis(square(local), -1, 0) + 1) * (size / 2) - 0.5, 0, size - 1)
-    left, top = (np.minimum(t.astype(int), size - 2) for t in (x, y))
-    fx, fy = ((t - first)[:, None, None] for t, first in ((x, left), (y, top)))
-    u = brdf.factors
-    upper = (1 - fx) * u[top, left] + fx * u[top, left + 1]
-    lower = (1 - fx) * u[top + 1, left] + fx * u[top + 1, left + 1]
-    return np.where(local[:, 2, None, None] > 0, (1 - fy) * upper + fy * lower, 0.0)
+    V, size, count = len(view), len(brdf.factors), len(brdf.rows)
+    if view.shape != (V, 3) or any(m.shape != (V, 3, 3) for m in (frames, rotations) if m is not None):
+        shapes = [None if m is None else m.shape for m in (view, frames, rotations)]
+        raise BadInput(f"views (V, 3) need frames and rotations (V, 3, 3). Got {shapes} instead.")
+    if not V:
+        return np.zeros((0, count, 3), np.float32)
+    values = Bilinear(brdf.factors.reshape(size, size, -1))
+    import drjit as dr
+
+    local = floats(points_last(view))
+    for matrix in (rotations, frames):
+        if matrix is not None:
+            local = applied(transposed(floats(points_last(matrix))), local)
+    a, b = (dr.clip((t + 1) * (size / 2) - 0.5, 0, size - 1) for t in _square(*local))
+    u = [dr.select(local[2] > 0, value, 0) for value in values.at(b, a)]
+    dr.eval(u)
+    dr.sync_thread()
+    return np.stack([np.array(value) for value in u], axis=-1).reshape(V, count, 3)
 
 
 def frames(normals: Array) -> Array:

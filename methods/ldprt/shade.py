@@ -17,7 +17,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
-from math import isqrt, prod
+from math import isqrt
 from typing import Any
 
 import numpy as np
@@ -27,10 +27,9 @@ from envbench import llvm
 from envbench.directions import Array
 from envbench.errors import BadInput
 from methods.ldprt import basis, rotation
+from methods.ldprt.lanes import applied, finished, floats, points_last, three, transposed
+from methods.ldprt.lookup import LatLong
 from methods.ldprt.table import check
-
-_PACKET = 4
-"""Floats that one gather reads at once."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,19 +106,19 @@ def pack(axes: Array, coefficients: Array, direct: Array) -> Packed:
     if np.any(coefficients[..., :b]):
         raise BadInput(f"lobe coefficients of the bands l < {b} must be zero: these are stored directly.")
     return Packed(
-        _points_last(axes.reshape(V, J * N, 3)),
-        _points_last(coefficients[..., b:].reshape(V, J * N, n - b)),
-        _points_last(direct),
+        points_last(axes.reshape(V, J * N, 3)),
+        points_last(coefficients[..., b:].reshape(V, J * N, n - b)),
+        points_last(direct),
         n,
     )
 
 
 def specialised(
     lobes: Packed,
-    light: Array,
+    light: NDArray[np.floating],
     table: NDArray[np.float32],
     rotations: Array | None = None,
-    factors: Array | None = None,
+    factors: NDArray[np.floating] | None = None,
 ) -> NDArray[np.float32]:
     """Return radiance (V, 3) by N lookups a point in the light's table (eq. 25).
 
@@ -142,17 +141,20 @@ def specialised(
     if table.ndim != 4 or table.shape[2] < lobes.n or table.shape[3] != 3:
         raise BadInput(f"the table must have shape (rows, columns, {lobes.n}, 3). Got {table.shape} instead.")
     check(lobes.n, (table.shape[0], table.shape[1]))
-    lookup = _Lookup(table[:, :, lobes.first : lobes.n].reshape(*table.shape[:2], -1))
+    lookup = LatLong(table[:, :, lobes.first : lobes.n].reshape(*table.shape[:2], -1))
 
     def by_band(axis: Any) -> list[Any]:
-        values = lookup(axis)
-        return [_three(values[k : k + 3]) for k in range(0, len(values), 3)]
+        values = lookup.at(axis)
+        return [three(values[k : k + 3]) for k in range(0, len(values), 3)]
 
     return _shade(lobes, _light(light, lobes), rotations, factors, by_band)
 
 
 def evaluated(
-    lobes: Packed, light: Array, rotations: Array | None = None, factors: Array | None = None
+    lobes: Packed,
+    light: NDArray[np.floating],
+    rotations: Array | None = None,
+    factors: NDArray[np.floating] | None = None,
 ) -> NDArray[np.float32]:
     """Return radiance (V, 3) with the harmonics evaluated at every lobe's axis (eq. 13).
 
@@ -174,10 +176,10 @@ def evaluated(
 
 def locally(
     lobes: Packed,
-    light: Array,
+    light: NDArray[np.floating],
     harmonics: NDArray[np.float32],
     rotations: Array | None = None,
-    factors: Array | None = None,
+    factors: NDArray[np.floating] | None = None,
 ) -> NDArray[np.float32]:
     """Return radiance (V, 3) under a light of each point's own, with harmonics from a table (eq. 13, sec. 5).
 
@@ -198,11 +200,11 @@ def locally(
     if harmonics.ndim != 3 or harmonics.shape[2] < lobes.n**2:
         raise BadInput(f"the table must have shape (rows, columns, {lobes.n**2}). Got {harmonics.shape} instead.")
     skipped, e = lobes.first**2, _light(light, lobes)
-    lookup = _Lookup(harmonics[:, :, skipped : lobes.n**2])
-    return _shade(lobes, e, rotations, factors, lambda axis: _sums(lobes, [0.0] * skipped + lookup(axis), e))
+    lookup = LatLong(harmonics[:, :, skipped : lobes.n**2])
+    return _shade(lobes, e, rotations, factors, lambda axis: _sums(lobes, [0.0] * skipped + lookup.at(axis), e))
 
 
-def static(transfer: NDArray[np.floating], light: Array) -> NDArray[np.float32]:
+def static(transfer: NDArray[np.floating], light: NDArray[np.floating]) -> NDArray[np.float32]:
     """Return radiance (V, 3) of transfer vectors (V, n^2) as they are at rest: PRT without any rotation."""
     if transfer.ndim != 2 or light.ndim != 2 or len(light) < transfer.shape[1] or light.shape[1] != 3:
         raise BadInput(f"transfer (V, n^2) needs a light (n^2, 3). Got {transfer.shape} and {light.shape} instead.")
@@ -210,7 +212,7 @@ def static(transfer: NDArray[np.floating], light: Array) -> NDArray[np.float32]:
 
 
 def full(
-    transfer: NDArray[np.floating], light: Array, rotations: Array, turning: Turning = Turning.LIGHT
+    transfer: NDArray[np.floating], light: NDArray[np.floating], rotations: Array, turning: Turning = Turning.LIGHT
 ) -> NDArray[np.float32]:
     """Return radiance (V, 3) of transfer vectors (V, n^2) with a full SH rotation (V, 3, 3) a point, by zxzxz.
 
@@ -232,62 +234,20 @@ def full(
     m = _matrix(rotations, len(transfer))
     if not len(transfer):
         return np.zeros((0, 3), np.float32)
-    t = _floats(_points_last(transfer))
+    t = floats(points_last(transfer))
     if turning is Turning.LIGHT:
-        back = [[m[j][i] for j in range(3)] for i in range(3)]
+        back = transposed(m)
         e = rotation.turned(e, back, rotation.euler(back))
     else:
         t = rotation.turned(t, m, rotation.euler(m))
-    return _finished(_dot(t, e))
-
-
-class _Lookup:
-    """A lat-long map (rows, columns, C), read bilinearly in a kernel; the meaning is `envbench.latlong`'s."""
-
-    def __init__(self, values: NDArray[np.float32]) -> None:
-        llvm.find()
-        from drjit.llvm import Float
-
-        self.rows, self.columns, self.channels = values.shape
-        self.packets = -(-self.channels // _PACKET)
-        # a row beyond each pole, its own half-turned self, and a column beyond each end: no index has to be wrapped
-        padded = np.zeros((self.rows + 2, self.columns + 2, self.packets * _PACKET), np.float32)
-        inner = padded[:, 1:-1, : self.channels]
-        inner[1:-1] = values
-        inner[[0, -1]] = np.roll(values[[0, -1]], self.columns // 2, axis=1)
-        padded[:, 0], padded[:, -1] = padded[:, -2], padded[:, 1]
-        self.table = Float(padded.ravel())
-
-    def __call__(self, s: Any) -> list[Any]:
-        """Return the C values at directions."""
-        import drjit as dr
-        from drjit.llvm import Array4f, UInt32
-
-        y = dr.atan2(dr.sqrt(s.x * s.x + s.y * s.y), s.z) * (self.rows / np.pi) + 0.5
-        phi = dr.atan2(s.y, s.x)
-        x = dr.select(phi < 0, phi + 2 * np.pi, phi) * (self.columns / (2 * np.pi)) + 0.5
-        top, left = dr.floor(y), dr.floor(x)
-        fy, fx = y - top, x - left
-        texel = UInt32(top) * (self.columns + 2) + UInt32(left)
-        corners = [
-            ((texel + (down * (self.columns + 2) + right)) * self.packets, (fy if down else 1 - fy) * share)
-            for down in (0, 1)
-            for right, share in ((0, 1 - fx), (1, fx))
-        ]
-        out: list[Any] = []
-        for packet in range(self.packets):
-            value = Array4f(0)
-            for index, weight in corners:
-                value = dr.fma(weight, dr.gather(Array4f, self.table, index + packet), value)
-            out += list(value)
-        return out[: self.channels]
+    return finished(_dot(t, e))
 
 
 def _shade(
     lobes: Packed,
     light: list[Any],
     rotations: Array | None,
-    factors: Array | None,
+    factors: NDArray[np.floating] | None,
     by_band: Callable[[Any], list[Any]],
 ) -> NDArray[np.float32]:
     """Sum what lobes and direct terms send back, given e_l(s) (eq. 24) in the bands that lobes hold, by `by_band`."""
@@ -295,15 +255,15 @@ def _shade(
     weights = _factors(factors, lobes)
     if not len(lobes):
         return np.zeros((0, 3), np.float32)
-    axes, coefficients, direct = (_floats(part) for part in (lobes.axes, lobes.coefficients, lobes.direct))
-    each, total = len(axes) // lobes.rows, _three([0.0] * 3)
+    axes, coefficients, direct = (floats(part) for part in (lobes.axes, lobes.coefficients, lobes.direct))
+    each, total = len(axes) // lobes.rows, three([0.0] * 3)
     for j, weight in enumerate(weights):
         sent = _dot(_linear_turned(direct[j], matrix), light)
         for axis, lobe in zip(axes[j * each :][:each], coefficients[j * each :][:each], strict=True):
             if lobe:
-                sent += _dot(lobe, by_band(_three(axis if matrix is None else _applied(matrix, axis))))
+                sent += _dot(lobe, by_band(three(axis if matrix is None else applied(matrix, axis))))
         total += weight * sent
-    return _finished(total)
+    return finished(total)
 
 
 def _sums(lobes: Packed, y: Sequence[Any], light: Sequence[Any]) -> list[Any]:
@@ -316,12 +276,8 @@ def _linear_turned(direct: list[Any], matrix: Any) -> list[Any]:
     if matrix is None or len(direct) == 1:
         return direct
     dc, y, z, x = direct
-    x, y, z = _applied(matrix, [-x, -y, z])
+    x, y, z = applied(matrix, [-x, -y, z])
     return [dc, -y, z, -x]
-
-
-def _applied(matrix: Any, vector: Sequence[Any]) -> list[Any]:
-    return [row[0] * vector[0] + row[1] * vector[1] + row[2] * vector[2] for row in matrix]
 
 
 def _dot(weights: Sequence[Any], values: Sequence[Any]) -> Any:
@@ -334,65 +290,38 @@ def _dot(weights: Sequence[Any], values: Sequence[Any]) -> Any:
     return total
 
 
-def _light(light: Array, lobes: Packed) -> list[Any]:
+def _light(light: NDArray[np.floating], lobes: Packed) -> list[Any]:
     return _coefficients(light, lobes.n, len(lobes))
 
 
-def _coefficients(light: Array, n: int, count: int) -> list[Any]:
+def _coefficients(light: NDArray[np.floating], n: int, count: int) -> list[Any]:
     """Return e_lm, l < n, as ``Array3f``: of one light for all points, or of one for each."""
     if light.shape[-1:] != (3,) or light.ndim not in (2, 3) or light.shape[-2] < n * n:
         raise BadInput(f"a light of order {n} must have shape ({n * n}, 3). Got {light.shape} instead.")
     llvm.find()
     import drjit as dr
-    from drjit.llvm import Float
+    from drjit.llvm import Array3f, Float, UInt32
 
     if light.ndim == 2:
         # opaque: the kernel takes them as arguments, and is not compiled anew for another light
-        return [_three([dr.opaque(Float, float(c)) for c in e]) for e in light[: n * n]]
+        return [three([dr.opaque(Float, float(c)) for c in e]) for e in light[: n * n]]
     if len(light) != count:
         raise BadInput(f"lights of {count} points must have shape ({count}, {n * n}, 3). Got {light.shape} instead.")
-    return [_three(e) for e in _floats(_points_last(light[:, : n * n]))]
+    flat = Float(light.astype(np.float32, copy=False).ravel())  # a kernel's gathers are faster than turning it round
+    point = dr.arange(UInt32, count) * light.shape[1]
+    return [dr.gather(Array3f, flat, point + k) for k in range(n * n)]
 
 
 def _matrix(rotations: Array, count: int) -> list[list[Any]]:
     if rotations.shape != (count, 3, 3):
         raise BadInput(f"rotations of {count} points must have shape ({count}, 3, 3). Got {rotations.shape} instead.")
-    return _floats(_points_last(rotations))
+    return floats(points_last(rotations))
 
 
-def _factors(factors: Array | None, lobes: Packed) -> list[Any]:
+def _factors(factors: NDArray[np.floating] | None, lobes: Packed) -> list[Any]:
     if factors is None:
         return [1.0] * lobes.rows
     wanted = (len(lobes), lobes.rows)
     if factors.shape not in (wanted, (*wanted, 3)):
         raise BadInput(f"view factors must have shape {wanted} or {(*wanted, 3)}. Got {factors.shape} instead.")
-    return [_three(u) if factors.ndim == 3 else u for u in _floats(_points_last(factors))]
-
-
-def _points_last(values: NDArray[np.floating]) -> NDArray[np.float32]:
-    """Return values (V, ...) as (..., V), in single precision and contiguous."""
-    flat = values.reshape(len(values), prod(values.shape[1:])).T.astype(np.float32, order="C")
-    return flat.reshape(*values.shape[1:], len(values))
-
-
-def _floats(values: NDArray[np.float32]) -> list[Any]:
-    """Return arrays (..., V) as nested lists of Dr.Jit's ``Float``."""
-    llvm.find()
-    from drjit.llvm import Float
-
-    return [Float(row) if row.ndim == 1 else _floats(row) for row in values]
-
-
-def _three(channels: Sequence[Any]) -> Any:
-    from drjit.llvm import Array3f
-
-    return Array3f(*channels)
-
-
-def _finished(value: Any) -> NDArray[np.float32]:
-    """Return an ``Array3f``, computed, as (V, 3)."""
-    import drjit as dr
-
-    dr.eval(value)
-    dr.sync_thread()
-    return np.array(value).T
+    return [three(u) if factors.ndim == 3 else u for u in floats(points_last(factors))]

@@ -163,6 +163,21 @@ def test_views_from_below_see_nothing() -> None:
     assert np.any(u[1] != 0)
 
 
+def test_view_factors_are_bilinear_between_texels() -> None:
+    """Texel centres give their own factors; halfway between two of them is the mean; in single precision."""
+    made, size = factored(3), glossy.VIEW_SIZE
+    flat = np.tile(np.eye(3), (size * size, 1, 1))
+    at_centres = glossy.view_factors(made, glossy.views(size).reshape(-1, 3), flat).reshape(made.factors.shape)
+    assert np.allclose(at_centres, made.factors, rtol=0, atol=1e-6)
+    a = (2 * np.arange(size) + 1) / size - 1
+    between = glossy.hemisphere(np.stack(np.meshgrid((a[1:] + a[:-1]) / 2, a), axis=-1))
+    got = glossy.view_factors(made, between.reshape(-1, 3), flat[: size * (size - 1)])
+    expected = (made.factors[:, 1:] + made.factors[:, :-1]) / 2
+    assert np.allclose(got.reshape(expected.shape), expected, rtol=0, atol=1e-6)
+    with pytest.raises(BadInput, match="need frames"):
+        glossy.view_factors(made, between.reshape(-1, 3), flat)
+
+
 def directions(count: int) -> tuple[np.ndarray, np.ndarray]:
     """Return a product rule over the sphere, exact to degree 2 count - 1, and its weights."""
     z, weight = np.polynomial.legendre.leggauss(count)

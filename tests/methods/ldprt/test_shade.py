@@ -204,6 +204,22 @@ def test_what_is_packed_can_be_pickled_and_no_points_are_no_radiance() -> None:
     assert shade.full(np.zeros((0, 36)), given.light, given.rotations[:0]).shape == (0, 3)
 
 
+def test_a_broken_rotation_spoils_its_own_point_alone() -> None:
+    """Where a pose is not finite, nor is the result: no lookup outside the map, and the others as before."""
+    given = case(6, 4, 4)
+    broken = given.rotations.copy()
+    broken[7], broken[9] = np.nan, np.inf
+    made, others = table.build(given.light, 6), np.delete(np.arange(V), [7, 9])
+    for render in (
+        lambda turn: shade.specialised(given.packed, given.light, made, turn),
+        lambda turn: shade.evaluated(given.packed, given.light, turn),
+        lambda turn: shade.locally(given.packed, given.light, table.harmonics(6), turn),
+    ):
+        got = render(broken)
+        assert not np.any(np.isfinite(got[[7, 9]]))
+        assert np.array_equal(got[others], render(given.rotations)[others])
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [
