@@ -122,9 +122,24 @@ def rms_error(l: int, size: Size = SIZE) -> float:
 
 def expected_error(light: Array, size: Size = SIZE) -> Array:
     """Return the RMS over directions that e_l(s) of a light (n^2, 3) is expected to be off by, shape (n, 3)."""
-    bands = range(isqrt(len(light)))
-    power = np.array([np.sum(light[l * l : (l + 1) ** 2] ** 2, axis=0) / (4 * pi) for l in bands])
-    return np.sqrt(power) * np.array([rms_error(l, size) for l in bands])[:, None]
+    length = _lengths(light) / sqrt(4 * pi)
+    return length * np.array([rms_error(l, size) for l in range(len(length))])[:, None]
+
+
+def largest_error(light: Array, size: Size = SIZE) -> Array:
+    """Return what e_l(s) of a light (n^2, 3) cannot be off by more than, shape (n, 3).
+
+    Radiance of lobes g_il is then off by sum_l sum_i |g_il| times that at most. The sum over m of y_lm^2 is
+    (2 l + 1) / (4 pi) in every direction, which bounds the band's maximum.
+    """
+    length = _lengths(light)
+    l = np.arange(len(length))
+    return length * (np.sqrt((2 * l + 1) / (4 * pi)) * [worst_error(int(k), size) for k in l])[:, None]
+
+
+def _lengths(light: Array) -> Array:
+    """Return the length of each band's coefficients, (n, 3)."""
+    return np.stack([np.linalg.norm(light[l * l : (l + 1) ** 2], axis=0) for l in range(isqrt(len(light)))])
 
 
 def _steps(size: Size) -> tuple[float, float]:

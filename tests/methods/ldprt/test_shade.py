@@ -97,10 +97,7 @@ def test_the_table_is_off_by_its_interpolation_alone(n: int, lobes: int, direct:
     without = Case(given.axes, 0 * given.coefficients, given.direct, given.rotations, given.light)
     assert np.abs(got - held - without.radiance()[:, 0]).max() < 3 * SINGLE * given.scale()
 
-    largest = np.array([
-        np.sqrt((2 * l + 1) / (4 * np.pi)) * np.linalg.norm(given.light[l * l : (l + 1) ** 2], axis=0) for l in range(n)
-    ])  # fmt: skip
-    bound = np.abs(g).sum((1, 2)) @ (largest * np.array([table.worst_error(l, size) for l in range(n)])[:, None])
+    bound = np.abs(g).sum((1, 2)) @ table.largest_error(given.light, size)
     assert np.all(np.abs(got - given.radiance()[:, 0]) <= bound + SINGLE * given.scale())
 
 
@@ -164,10 +161,9 @@ def test_a_light_of_each_points_own(n: int, lobes: int, direct: int) -> None:
     assert np.abs(shade.evaluated(given.packed, lights, given.rotations) - exact).max() < SINGLE * scale
     y = table.harmonics(n)
     got = shade.locally(given.packed, lights, y, given.rotations)
-    bound = np.zeros((V, 3))
-    for l in range(n):
-        length = np.linalg.norm(lights[:, l * l : (l + 1) ** 2], axis=1) * np.sqrt((2 * l + 1) / (4 * np.pi))
-        bound += np.abs(given.coefficients[..., l]).sum(1)[:, None] * length * table.worst_error(l)
+    bound = np.stack([
+        np.abs(g).sum(0) @ table.largest_error(own) for g, own in zip(given.coefficients, lights, strict=True)
+    ])  # fmt: skip
     assert np.all(np.abs(got - exact) <= bound + SINGLE * scale)
     assert np.abs(got - exact).max() > 1e-4  # it is a table
 

@@ -52,6 +52,7 @@ def test_the_error_is_below_its_bound_everywhere(size: tuple[int, int]) -> None:
         error = np.abs(table.interpolate(table.build(e, 6, size), s) - exact).max(0)
         bound = np.abs(exact).max(0) * np.array([table.worst_error(l, size) for l in range(6)])[:, None]
         assert np.all(error <= bound + 1e-5)
+        assert np.all(bound <= table.largest_error(e, size) + 1e-12)
 
 
 @pytest.mark.parametrize("size", SIZES)
