@@ -62,7 +62,10 @@ class Method(ABC):
     simulates: ClassVar[frozenset[Effect]] = frozenset({Effect.VIEW_DEPENDENCE})
 
     def declines(self, scene: Scene) -> str | None:
-        """Return why this method cannot render `scene` at all, or None."""
+        """Return why this method cannot render `scene` at all, or None.
+
+        What a step alone finds out (maps that would not fit into memory) it raises as `BadInput`: declined too.
+        """
         return None
 
     @abstractmethod

@@ -143,9 +143,12 @@ class Desk:
         blank = CellResult(cell.key, cell.scene.name, method.name, dict(cell.settings), Status.OK, lacks=lacks)
         declined = method.declines(scene)
         if declined is not None:
-            return replace(blank, status=Status.DECLINED, reason=" ".join(str(declined).split()))
+            return replace(blank, status=Status.DECLINED, reason=_line(declined))
         known = self.prepared.get(cell.identity)
-        state, framed, answer, seconds = render(method, scene, known)
+        try:
+            state, framed, answer, seconds = render(method, scene, known)
+        except BadInput as refused:
+            return replace(blank, status=Status.DECLINED, reason=_line(refused))
         values = checked(answer, len(scene.points))
         if known is None:
             self.prepared[cell.identity] = Prepared(state, scene.name, seconds[Phase.PREPARE])
@@ -172,6 +175,10 @@ class Desk:
         seconds = render(cell.method, scene, None if again else known)[-1]
         known.rounds += [seconds[Phase.PREPARE]] if again else []
         return seconds
+
+
+def _line(reason: object) -> str:
+    return " ".join(str(reason).split())
 
 
 def render(method: Method, scene: Scene, known: Prepared | None = None) -> tuple[Any, Any, Any, dict[Phase, float]]:
