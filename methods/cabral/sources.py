@@ -62,8 +62,11 @@ def integrated(
 
 
 def _joined(views: list[Points]) -> Points:
-    parts = ("normal", "normal", "normal", "tangent", "view", "weight")
-    return Points(*(np.concatenate([getattr(points, part) for points in views]) for part in parts))
+    def all_of(part: str) -> Array:
+        return np.concatenate([getattr(points, part) for points in views])
+
+    normal = all_of("normal")
+    return Points(normal, normal, normal, all_of("tangent"), all_of("view"), all_of("weight"))
 
 
 def _off_grazing(points: Points, angle: float) -> Points:

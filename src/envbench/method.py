@@ -68,6 +68,10 @@ class Method(ABC):
         """
         return None
 
+    def lacks(self, scene: Scene) -> frozenset[Effect]:
+        """Return the effects of `scene` that this method, as it is set, does not account for."""
+        return scene.effects - self.simulates
+
     @abstractmethod
     def prepare(self, material: Material, geometry: Geometry) -> Any:
         """Return what depends on the asset alone; `geometry` is in its rest pose."""

@@ -139,7 +139,7 @@ class Desk:
         """Render and score a cell."""
         scene, truth = self.open(cell.scene)
         method = cell.method
-        lacks = tuple(sorted(effect.value for effect in scene.effects - method.simulates))
+        lacks = tuple(sorted(effect.value for effect in method.lacks(scene)))
         blank = CellResult(cell.key, cell.scene.name, method.name, dict(cell.settings), Status.OK, lacks=lacks)
         declined = method.declines(scene)
         if declined is not None:
