@@ -24,16 +24,16 @@ LIGHT = "studio"
 
 def error_budget() -> Study:
     """Return each cause's RMS error, of the RMS radiance, with what it was measured between."""
-    light, banded = CATALOGUE.lights[LIGHT], CATALOGUE.lights[f"{LIGHT}-6"]
+    light, projected = CATALOGUE.lights[LIGHT], CATALOGUE.lights[f"{LIGHT}-6"]
     scenes: dict[str, Scene] = {
         name: CATALOGUE.scene(
-            name="head", light=of, material=CATALOGUE.materials["lambertian"], geometry=CATALOGUE.geometries["head-bent"],
-            view={"kind": "vertices", "count": COUNT}, effects=effects,
+            name="head", light=of, material=CATALOGUE.materials["lambertian"],
+            geometry=CATALOGUE.geometries["head-bent"], view={"kind": "vertices", "count": COUNT}, effects=effects,
         )
         for name, of, effects in (
             ("whole", light, None),
-            ("banded", banded, None),
-            ("local", banded, frozenset({Effect.SELF_SHADOWING})),
+            ("banded", projected, None),
+            ("local", projected, (Effect.SELF_SHADOWING,)),
         )
     }  # fmt: skip
     settings = ReferenceSettings(floor=FLOOR, budget=BUDGET)
@@ -43,10 +43,11 @@ def error_budget() -> Study:
     noise = _ray_noise(scene)
     rms = truth["whole"].rms
     floor = {name: found.floor * found.rms / rms for name, found in truth.items()}
+    banded, distant = _apart(truth["whole"], truth["banded"]), _apart(truth["banded"], truth["local"])
     causes: list[tuple[str, float, str]] = [
-        ("band limit of the light", _apart(truth["whole"], truth["banded"]) / rms, "references under the light and its projection"),
-        ("distant effects", _apart(truth["banded"], truth["local"]) / rms, "references with the visibility of the pose and of the rest"),
-        ("noise of the rays", noise / rms, "the standard error of the simulated transfer, under the light"),
+        ("band limit of the light", banded / rms, "references: the light, its projection"),
+        ("distant effects", distant / rms, "references: visibility posed, at rest"),
+        ("noise of the rays", noise / rms, "standard error of the transfer, lit"),
         ("zonal fit", _rms(evaluated - exact) / rms, "four lobes against whole vectors, fully rotated"),
         ("table lookup", _rms(tabled - evaluated) / rms, "eq. 25 against eq. 13"),
     ]  # fmt: skip
@@ -67,7 +68,8 @@ def error_budget() -> Study:
         "error-budget",
         f"Error budget of LDPRT: the bent head under {LIGHT}, {COUNT:,} vertices",
         "RMS errors relative to the RMS radiance of the reference, the references' own noise taken off where two are "
-        f"compared. n = 6, N = 4, 5,000 rays a vertex, 64 x 32 table. Glossy transfer adds the rows left out: see glossy-head.",
+        "compared. n = 6, N = 4, 5,000 rays a vertex, 64 x 32 table. Glossy transfer adds the rows left out: see "
+        "glossy-head.",
         ("cause", "error", "measured between"),
         tuple(rows),
         (
@@ -130,7 +132,8 @@ def transfer_agreement() -> Study:
     return Study(
         "transfer-agreement",
         f"Simulated transfer against Mitsuba's own rendering: the head at rest, {COUNT:,} vertices",
-        "RMS difference of t . e and the reference (positive less negative part of the projected light), over the reference's "
+        "RMS difference of t . e and the reference (positive less negative part of the projected light), over "
+        "the reference's "
         "RMS; beside what the standard error of 5,000 rays a vertex and the reference's noise floor make together.",
         ("light", "difference", "expected of the noise", "ratio", "mean difference"),
         tuple(rows),

@@ -38,8 +38,10 @@ def sh_rotation() -> Study:
     return Study(
         "sh-rotation",
         "SH rotation by zxzxz: products, and exactness",
-        "Products counted by the loops that rotate, beside the printed ones; those that meet an entry that happens to be zero "
-        f"count. Exactness: 20 random vectors and rotations, the function turned against turned coefficients at 400 directions, "
+        "Products counted by the loops that rotate, beside the printed ones; those that meet an entry that "
+        "happens to be zero "
+        f"count. Exactness: 20 random vectors and rotations, the function turned against turned coefficients at "
+        f"400 directions, "
         f"over its RMS (the tests hold every band to {EXACT:g} against Wigner matrices).",
         ("n", "products", "printed", "equal", "largest difference", f"within {EXACT:g} n"),
         tuple(rows),
@@ -60,7 +62,8 @@ def thin_membrane() -> Study:
     return Study(
         "thin-membrane",
         "The thin membrane's coefficients in closed form",
-        "Eq. 23, the division by pi included, against the integral of eq. 22 by Gauss's rule; and what constant light of "
+        "Eq. 23, the division by pi included, against the integral of eq. 22 by Gauss's rule; and what constant "
+        "light of "
         "radiance 1 returns, which is 1 + alpha.",
         ("alpha", "n", "largest difference", f"within {EXACT:g}", "under constant light", "is 1 + alpha"),
         tuple(rows),
@@ -115,12 +118,16 @@ def shading() -> Study:
     return Study(
         "shading",
         f"Shading {HEAD:,} points, n = 6, three channels",
-        f"Medians of 15 rounds in turns with N = 4 evaluated, {harmonics.threads()} threads, states in memory; every point turned by a "
-        "rotation of its own. Error: of the table against eq. 13, RMS; and whether every point lies within the bound stated for "
-        "interpolation in the table. The paper: 100 to 200 Hz on graphics hardware of 2005, the table alone at 1430 Hz.",
-        ("way", "ms", "Hz", f"above {HZ:g} Hz", "million points/s", "time over N = 4 evaluated", "error", "within the bound"),
+        f"Medians of 15 rounds in turns with N = 4 evaluated, {harmonics.threads()} threads, states in memory; "
+        f"every point turned by a "
+        "rotation of its own. Error: of the table against eq. 13, RMS; and whether every point lies within the "
+        "bound stated for "
+        "interpolation in the table. The paper: 100 to 200 Hz on graphics hardware of 2005, the table alone at "
+        "1430 Hz.",
+        ("way", "ms", "Hz", f"above {HZ:g} Hz", "million points/s", "time over N = 4 evaluated", "error", "in bound"),
         tuple(rows),
-        ("On a processor with wide vectors a lookup costs more than the arithmetic that it saves: the table, made for graphics "
+        ("On a processor with wide vectors a lookup costs more than the arithmetic that it saves: the table, "
+         "made for graphics "
          "hardware, is the slower way here.",),
     )  # fmt: skip
 

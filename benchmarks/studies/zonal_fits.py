@@ -1,4 +1,4 @@
-"""Zonal fits beside Sloan, Luna and Snyder 2005: random vectors (figure 2), the diffuse head (figure 3), a glossy one."""
+"""Zonal fits beside Sloan, Luna and Snyder 2005: random vectors (figure 2), the diffuse head (figure 3), glossy."""
 
 from __future__ import annotations
 
@@ -39,7 +39,8 @@ def random_vectors() -> Study:
     return Study(
         "zonal-random-vectors",
         "Random SH vectors as sums of N zonal lobes, beside figure 2",
-        f"RMS error of {SEEDS} random vectors of length 1, n = {ORDER}, four restarts; DC stored directly, from three lobes "
+        f"RMS error of {SEEDS} random vectors of length 1, n = {ORDER}, four restarts; DC stored directly, from "
+        f"three lobes "
         "on the linear part too. The paper prints one vector's error, at N = 6.",
         ("N", "median", "largest", "printed", "at most", "median within it"),
         tuple(rows),
@@ -77,8 +78,10 @@ def head_fit() -> Study:
     return Study(
         "zonal-head",
         f"The diffuse head of {len(vectors):,} vertices by N, beside figure 3 and SciPy's BFGS",
-        f"Its own shadowed transfer, n = {ORDER}, {RAYS} rays a vertex. RMS over the total length of all vertices, all bands "
-        "counted. BFGS: all axes and coefficients, analytic gradient (eqs. 19 to 21), greedy start, run to convergence, on "
+        f"Its own shadowed transfer, n = {ORDER}, {RAYS} rays a vertex. RMS over the total length of all "
+        f"vertices, all bands "
+        "counted. BFGS: all axes and coefficients, analytic gradient (eqs. 19 to 21), greedy start, run to "
+        "convergence, on "
         f"{PEER_VERTICES} of the vertices; {harmonics.threads()} threads.",
         (
             "fit",
@@ -92,7 +95,8 @@ def head_fit() -> Study:
         ),
         tuple(rows),
         (
-            f"Bars: N = 3 at most {BARS_HEAD[3]:g}; N = 4 within {SECONDS_BAR:g} s, {SPEEDUP_BAR:g} times faster than BFGS, "
+            f"Bars: N = 3 at most {BARS_HEAD[3]:g}; N = 4 within {SECONDS_BAR:g} s, {SPEEDUP_BAR:g} times faster "
+            f"than BFGS, "
             "its error not above that.",
             f"One fitted lobe is {'better' if better else 'no better'} than the optimal linear lobe.",
             f"Simulation: {transfer.seconds:.3g} s, standard error {transfer.relative_error:.2%} of the length.",
@@ -110,6 +114,7 @@ def glossy_head() -> Study:
     seen, frames = visible(head, directions)[some], glossy.frames(mesh.normals[some])
     whole = glossy.factor(brdf, order, order**2)
     vectors = glossy.specialise(whole.rows, frames, directions, seen)
+    falling = ", ".join(f"{s:.2g}" for s in (whole.singular / whole.singular[0])[:10])
     rows: list[tuple[float | int, ...]] = []
     for kept, lobes in ((1, 3), (3, 1), (3, 2), (3, 3), (5, 3), (7, 3), (10, 3)):
         found = fit.fit(vectors[:, :kept].reshape(-1, order**2), lobes).vectors().reshape(-1, kept, order**2)
@@ -118,13 +123,14 @@ def glossy_head() -> Study:
     return Study(
         "glossy-head",
         "Cook-Torrance of roughness .3 on the head, n = 4: rows and lobes, beside figure 4",
-        "RMS over 4,000 vertices, all views of the 32 x 32 map and white light, relative to the whole. Printed without "
+        "RMS over 4,000 vertices, all views of the 32 x 32 map and white light, relative to the whole. Printed "
+        "without "
         "numbers: n_b = 3 rows are a good approximation, N = 3 lobes a row an accurate fit.",
         ("n_b", "N", "lobes", "error of the rows left out", "further error of the fit", "both"),
         tuple(rows),
         (
-            "Singular values: " + ", ".join(f"{s:.2g}" for s in (whole.singular / whole.singular[0])[:10]) + " ... of the "
-            "first. They fall slowly, so that in this norm three rows leave much out; the fit of what is kept is accurate.",
+            f"Singular values: {falling} ... of the first. They fall slowly, so that in this norm three rows leave much "
+            "out; the fit of what is kept is accurate.",
         ),
     )  # fmt: skip
 
