@@ -10,6 +10,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
+from benchmarks.studies import STUDIES
 from data_gen import environments, geometry, materials, views
 from envbench.catalogue import Spec
 from envbench.environment import Environment
@@ -17,7 +18,7 @@ from envbench.errors import BadInput
 from envbench.geometry import Geometry, Points, Viewer
 from envbench.material import Centre
 from envbench.method import Method
-from envbench.records import MaterialSheet
+from envbench.records import MaterialSheet, Study
 from envbench.reference import Agreement, Reference, ReferenceSettings
 from envbench.scene import Effect, Scene
 from methods import METHODS
@@ -38,6 +39,7 @@ class Catalogue:
     materials: Mapping[str, Spec] = field(default_factory=lambda: materials.MATERIALS)
     geometries: Mapping[str, Spec] = field(default_factory=lambda: geometry.GEOMETRIES)
     views: Mapping[str, Spec] = field(default_factory=lambda: views.VIEWS)
+    studies: Mapping[str, Callable[[], Study]] = field(default_factory=lambda: STUDIES)
 
     def scene(self, *, name: str, light: Spec, material: Spec, geometry: Spec, view: Spec) -> Scene:
         """Build a scene; its `name` is light/material/geometry/view. The last lights and queries are kept."""

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Protocol
 
 from envbench.method import Method
-from envbench.records import MaterialSheet
+from envbench.records import MaterialSheet, Study
 from envbench.reference import Agreement, Reference, ReferenceSettings
 from envbench.scene import Scene
 
@@ -25,6 +25,8 @@ class Catalogue(Protocol):
     geometries: Mapping[str, Spec]
     views: Mapping[str, Spec]
     """Point sets: uniform (R, V) queries, images seen by a viewer."""
+    studies: Mapping[str, Callable[[], Study]]
+    """Tables that belong to no scene and method; the first line of a function's docstring says what one shows."""
 
     def scene(self, *, name: str, light: Spec, material: Spec, geometry: Spec, view: Spec) -> Scene:
         """Build a scene; raises `BadInput` for what cannot be read or makes no sense."""

@@ -59,7 +59,14 @@ class MakeSheet:
     material: Spec
 
 
-Request = MakeReference | FirstPass | Round | MakeSheet
+@dataclass(frozen=True)
+class MakeStudy:
+    """Asks for a table of the catalogue's by name; answered by a `Study`."""
+
+    name: str
+
+
+Request = MakeReference | FirstPass | Round | MakeSheet | MakeStudy
 
 
 @dataclass(frozen=True)

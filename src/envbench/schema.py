@@ -121,6 +121,15 @@ CREATE TABLE material (
     UNIQUE (run_id, name)
 )"""
 
+_STUDY = """
+CREATE TABLE study (
+    id INTEGER PRIMARY KEY,
+    run_id TEXT NOT NULL REFERENCES run (id) ON DELETE CASCADE,
+    name TEXT NOT NULL,
+    study TEXT NOT NULL,             -- JSON object: the fields of envbench.records.Study
+    UNIQUE (run_id, name)
+)"""
+
 _FIRST_PREDICTION = "(SELECT value FROM json_each(cell.predictions) LIMIT 1) AS predicted_error"
 
 MIGRATIONS: list[tuple[str, ...]] = [
@@ -141,5 +150,6 @@ MIGRATIONS: list[tuple[str, ...]] = [
         "ALTER TABLE scene ADD COLUMN position INTEGER NOT NULL DEFAULT 0",  # place in the plan
         "ALTER TABLE timing ADD COLUMN shared INTEGER NOT NULL DEFAULT 0",  # 1: measured on an earlier scene
     ),
+    (_STUDY,),
 ]
 """Statements that lead from schema i to schema i + 1."""

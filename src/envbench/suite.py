@@ -146,6 +146,8 @@ class Suite:
         None: no sheet is made of any material.
     claims : tuple of Claim
         What the report judges by the run's measurements.
+    studies : tuple of str
+        Tables of the catalogue's that belong to no scene and method.
     """
 
     name: str
@@ -161,6 +163,7 @@ class Suite:
     methods: tuple[dict[str, Any], ...] = ()
     claims: tuple[Claim, ...] = ()
     survey: Survey | None = None
+    studies: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

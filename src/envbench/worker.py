@@ -11,6 +11,7 @@ import os
 import signal
 import sys
 import threading
+import time
 from dataclasses import dataclass, field, replace
 from multiprocessing.connection import Connection
 from typing import Any, cast
@@ -19,14 +20,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from envbench import furnace, llvm, metrics, root, timing
-from envbench.errors import BadInput, CannotRun
+from envbench.errors import BadInput, CannotRun, unknown
 from envbench.failures import failure
 from envbench.geometry import Points
 from envbench.grids import SceneSpec
-from envbench.messages import FirstPass, MakeReference, MakeSheet, Ready, Request, Round, Setup
+from envbench.messages import FirstPass, MakeReference, MakeSheet, MakeStudy, Ready, Request, Round, Setup
 from envbench.method import Method, footprint
 from envbench.plan import CellSpec, remarks
-from envbench.records import CellResult, MaterialSheet, Phase, SceneResult, Status, Timing
+from envbench.records import CellResult, MaterialSheet, Phase, SceneResult, Status, Study, Timing
 from envbench.reference import Reference, ReferenceSettings
 from envbench.scene import Scene
 from envbench.settings import plain
@@ -110,7 +111,7 @@ class Desk:
     prepared: dict[str, Prepared] = field(default_factory=dict[str, Prepared])
     """By `CellSpec.identity`, for the material and shape of the scene: a further light finds it done."""
 
-    def answer(self, request: Request) -> SceneResult | CellResult | dict[Phase, float] | MaterialSheet:
+    def answer(self, request: Request) -> SceneResult | CellResult | dict[Phase, float] | MaterialSheet | Study:
         """Do what is asked."""
         match request:
             case MakeReference(spec):
@@ -121,6 +122,24 @@ class Desk:
                 return self.round(cell)
             case MakeSheet(name, material):
                 return self.bench.catalogue.sheet(name, material)
+            case MakeStudy(name):
+                self.clear()
+                return self.study(name)
+
+    def clear(self) -> None:
+        """Forget scene, reference and prepared states: what follows needs none, and may need their memory."""
+        self.spec = self.scene = self.truth = None
+        self.prepared.clear()
+
+    def study(self, name: str) -> Study:
+        """Make a table of the catalogue's, timed."""
+        if name not in self.bench.catalogue.studies:
+            raise unknown("study", name, self.bench.catalogue.studies)
+        start = time.perf_counter()
+        study = self.bench.catalogue.studies[name]()
+        if not isinstance(study, Study):  # pyright: ignore[reportUnnecessaryIsInstance]
+            raise BadInput(f"study '{name}' must return a Study. Got {type(study).__name__} instead.")
+        return replace(study, name=name, seconds=time.perf_counter() - start)
 
     def open(self, spec: SceneSpec) -> tuple[Scene, Reference]:
         """Return a scene and its reference, after clearing the desk of any other, and of states of another asset."""
