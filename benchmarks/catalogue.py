@@ -12,7 +12,7 @@ from typing import Any
 
 from benchmarks.studies import STUDIES
 from data_gen import environments, geometry, materials, views
-from envbench.catalogue import Spec
+from envbench.catalogue import Rasteriser, Spec
 from envbench.environment import Environment
 from envbench.errors import BadInput
 from envbench.geometry import Geometry, Points, Viewer
@@ -65,6 +65,12 @@ class Catalogue:
         from benchmarks import sheets
 
         return sheets.sheet(name, material)
+
+    def rasteriser(self, size: int) -> Rasteriser:
+        """Return what draws pictures of `size` pixels a side; raises `CannotRun` without EGL."""
+        from data_gen import rasterise
+
+        return rasterise.Rasteriser(size)
 
     def agreement(self, scenes: Sequence[Scene]) -> Sequence[Agreement]:
         """Hold Mitsuba's reference against the quadrature on every convex scene."""

@@ -14,10 +14,11 @@ from typing import Any
 
 from envbench.errors import BadInput
 from envbench.metrics import METRICS
-from envbench.records import CellResult, MaterialSheet, RunInfo, SceneResult, Status, Study
+from envbench.records import CellResult, Film, MaterialSheet, RunInfo, SceneResult, Status, Study
 from envbench.stability import FACTOR, LEVEL
 from envbench.store import Store
 from reports import numerals
+from reports.animations import reels
 from reports.claims import claims
 from reports.hard import hard_cases
 from reports.materials import PAPER_ABOVE, PAPER_SAMPLES, PAPER_WORST, materials
@@ -82,7 +83,8 @@ def write(store: Store, run_ref: str, path: Path) -> Path:
 def render(store: Store, run_ref: str) -> str:
     """Return the report of a run as HTML; raises `BadInput` for an unknown run."""
     run = store.run(run_ref)
-    return _fill(run, store.scenes(run.id), store.cells(run.id), store.sheets(run.id), store.studies(run.id))
+    beside = store.sheets(run.id), store.studies(run.id), store.films(run.id)
+    return _fill(run, store.scenes(run.id), store.cells(run.id), *beside)
 
 
 def _fill(
@@ -91,6 +93,7 @@ def _fill(
     cells: Sequence[CellResult],
     sheets: Sequence[MaterialSheet],
     tables: Sequence[Study],
+    films: Sequence[Film],
 ) -> str:
     from jinja2 import Environment, FileSystemLoader, StrictUndefined
     from markupsafe import Markup
@@ -134,6 +137,7 @@ def _fill(
         close=CLOSE,
         materials=materials(sheets),
         studies=studies(tables),
+        reels=reels(films),
         paper=(PAPER_ABOVE, PAPER_SAMPLES, PAPER_WORST),
         marks=looks,
         table=table(scenes, cells),

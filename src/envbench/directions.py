@@ -58,6 +58,23 @@ def perpendicular(direction: ArrayLike) -> Array:
     return normalised(np.cross(axis, d))
 
 
+def upright(towards: Array, up: ArrayLike) -> tuple[Array, Array]:
+    """Return an image's right and up (3,), seen from the unit direction `towards`.
+
+    Where `up` is along the view, some other direction is upright.
+
+    Examples
+    --------
+    >>> [axis.tolist() for axis in upright(np.array([0.0, -1, 0]), (0.0, 0.0, 1.0))]
+    [[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]
+    """
+    right = np.cross(up, towards)
+    if np.linalg.norm(right) < 1e-6 * np.linalg.norm(up):
+        right = np.cross((0.0, 1.0, 0.0) if abs(towards[1]) < 0.9 else (1.0, 0.0, 0.0), towards)
+    right = normalised(right)
+    return right, np.cross(towards, right)
+
+
 def uniform(count: int, rng: np.random.Generator) -> Array:
     """Draw `count` directions uniformly over the sphere, shape (count, 3)."""
     z = rng.uniform(-1, 1, count)

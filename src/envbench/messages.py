@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+from envbench.animation import AnimationSpec
 from envbench.catalogue import Spec
 from envbench.grids import SceneSpec
 from envbench.plan import CellSpec
@@ -66,7 +67,14 @@ class MakeStudy:
     name: str
 
 
-Request = MakeReference | FirstPass | Round | MakeSheet | MakeStudy
+@dataclass(frozen=True)
+class MakeFilm:
+    """Asks for an animation; answered by a `Film`."""
+
+    animation: AnimationSpec
+
+
+Request = MakeReference | FirstPass | Round | MakeSheet | MakeStudy | MakeFilm
 
 
 @dataclass(frozen=True)

@@ -220,6 +220,31 @@ class Study:
 
 
 @dataclass(frozen=True)
+class Film:
+    """A mesh in motion as a method shades it: one looped picture that a browser plays.
+
+    Attributes
+    ----------
+    caption : str
+        Method and settings, light, material, what moves, and how radiance became colours.
+    mime : str
+        The type of `data`, e.g. "image/webp".
+    notes : tuple of str
+        What a viewer should know, a line each (effects that are not simulated, vertices without a value ...).
+    reason : str
+        Why there is no picture; empty where there is one.
+    """
+
+    name: str
+    caption: str
+    mime: str = ""
+    data: bytes = b""
+    notes: tuple[str, ...] = ()
+    seconds: float = float("nan")
+    reason: str = ""
+
+
+@dataclass(frozen=True)
 class RunInfo:
     """A run: what was asked, where, with which versions, and how it ended (`finished` None while it runs)."""
 

@@ -10,12 +10,13 @@ from datetime import UTC, datetime
 from typing import Any
 
 from envbench import machine
+from envbench.animation import AnimationSpec
 from envbench.errors import BadInput
 from envbench.grids import SceneSpec
-from envbench.messages import Failure, FirstPass, MakeReference, MakeSheet, MakeStudy, Request, Round
+from envbench.messages import Failure, FirstPass, MakeFilm, MakeReference, MakeSheet, MakeStudy, Request, Round
 from envbench.plan import CellSpec, Plan
 from envbench.progress import Progress
-from envbench.records import CellResult, MaterialSheet, Phase, RunInfo, SceneResult, Study
+from envbench.records import CellResult, Film, MaterialSheet, Phase, RunInfo, SceneResult, Study
 from envbench.settings import plain
 from envbench.sheet import missing
 from envbench.store import Store
@@ -72,10 +73,13 @@ class Runner:
         survey = {name: spec for name, spec in self.plan.survey.items() if name not in surveyed}
         made = {study.name for study in self.store.studies(info.id)}
         studies = [name for name in self.plan.studies if name not in made]
-        if not (todo or survey or studies) and info.finished is not None:
+        drawn = {film.name for film in self.store.films(info.id)}
+        animations = [spec for spec in self.plan.animations if spec.name not in drawn]
+        more = len(survey) + len(studies) + len(animations)
+        if not (todo or more) and info.finished is not None:
             self.progress.line(f"run {info.id} is finished: nothing to resume.")
             return info
-        self._begin_progress(todo, len(done), len(survey) + len(studies))
+        self._begin_progress(todo, len(done), more)
         by_scene: dict[str, list[CellSpec]] = {}
         for cell in todo:
             by_scene.setdefault(cell.scene.name, []).append(cell)
@@ -84,6 +88,7 @@ class Runner:
                 self._scene(scene, by_scene[scene.name])
         self._survey(survey)
         self._studies(studies)
+        self._animations(animations)
         wall = time.time() - began
         self.store.finish(info.id, _now(), wall, max(wall - self.worked, 0.0))
         return self.store.run(info.id)
@@ -136,6 +141,20 @@ class Runner:
             else:
                 self.worked += answer.seconds
             self.store.save_study(self.run_id, answer)
+            self.progress.advance(1)
+
+    def _animations(self, specs: Sequence[AnimationSpec]) -> None:
+        """Store each animation; one that cannot be made stands there with the reason."""
+        for spec in specs:
+            limit = 2 * self.seconds  # a cell's for its preparation, and one for its frames
+            answer: Film | Failure = self._ask(MakeFilm(spec), limit, f"animation {spec.name}")
+            if isinstance(answer, Failure):
+                answer = Film(spec.name, spec.caption, reason=f"{answer.status.value}: {answer.reason}")
+            elif not answer.reason:
+                self.worked += answer.seconds
+            if answer.reason:
+                self.progress.line(f"note, left out animation '{spec.name}': {answer.reason}")
+            self.store.save_film(self.run_id, answer)
             self.progress.advance(1)
 
     def _open(self, spec: SceneSpec) -> SceneResult | Failure:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from envbench.errors import unknown
 from envbench.metrics import METRICS
-from envbench.records import CellResult, Phase, RunInfo, SceneResult, Score, Status, Study
+from envbench.records import CellResult, Film, Phase, RunInfo, SceneResult, Score, Status, Study
 from envbench.stability import verdicts
 from envbench.store import Store
 
@@ -75,6 +75,8 @@ def table(store: Store, ref: str, *, scenes: Sequence[str] = (), metrics: Sequen
         _hard_cases(store.scenes(run.id), cells)
         for study in store.studies(run.id):
             console().print(about(study), highlight=False)
+        for film in store.films(run.id):
+            console().print(_about_film(film), highlight=False)
     console().print(summary(run, cells), highlight=False)
 
 
@@ -109,6 +111,11 @@ def about(study: Study) -> str:
     held, judged = study.judged
     verdict = f", {held} of {judged} comparisons hold" if judged else ""
     return f"study '{study.name}': {study.title}; {len(study.rows)} row{'s' * (len(study.rows) != 1)}{verdict}"
+
+
+def _about_film(film: Film) -> str:
+    state = f"left out, {film.reason}" if film.reason else f"{len(film.data) / 1024:,.0f} KiB in the report"
+    return f"animation '{film.name}': {state}"
 
 
 def material(name: str, user: Path | None, plot: Path | None) -> None:

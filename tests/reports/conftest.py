@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from envbench.records import CellResult, MaterialSheet, Phase, RunInfo, SceneResult, Score, Status, Study, Timing
+from envbench.records import CellResult, Film, MaterialSheet, Phase, RunInfo, SceneResult, Score, Status, Study, Timing
 
 
 @dataclass(frozen=True)
@@ -23,6 +23,7 @@ class Records:
     cell_results: Sequence[CellResult]
     sheet_results: Sequence[MaterialSheet] = ()
     study_results: Sequence[Study] = ()
+    film_results: Sequence[Film] = ()
 
     def run(self, ref: str) -> RunInfo:
         return self.info
@@ -38,6 +39,9 @@ class Records:
 
     def studies(self, run_id: str) -> list[Study]:
         return list(self.study_results)
+
+    def films(self, run_id: str) -> list[Film]:
+        return list(self.film_results)
 
 
 class Synthetic:
