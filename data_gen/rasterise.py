@@ -116,8 +116,8 @@ def framed(places: Sequence[Array], direction: Sequence[float], up: Sequence[flo
     Examples
     --------
     >>> seen = framed([np.array([[0.0, 0, 0], [2, 0, 1]]), np.array([[0.0, -4, 3]])], (0, -1, 0), (0, 0, 1))
-    >>> seen.centre.tolist(), round(seen.half / MARGIN, 12), seen.right.tolist()
-    ([1.0, -2.0, 1.5], 1.5, [1.0, 0.0, 0.0])
+    >>> seen.centre.tolist(), round(seen.half / MARGIN, 12)
+    ([1.0, -2.0, 1.5], 1.5)
     """
     towards = np.asarray(direction, float) / np.linalg.norm(direction)
     right, above = upright(towards, up)

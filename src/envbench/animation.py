@@ -81,8 +81,6 @@ def _spec(asked: Animation, suite: SuiteFile, bench: Workbench) -> AnimationSpec
     knob = Knob(asked.name, asked.vary, asked.values, *parts, view={"kind": "vertices"})
     frames = tuple(steps(knob, suite, bench, "animation"))
     scene = frames[0].build(bench.catalogue)
-    if scene.geometry.mesh is None:
-        raise BadInput(f"animation '{asked.name}': '{scene.geometry.name}' has no vertices; give a mesh.")
     if Effect.VIEW_DEPENDENCE in scene.effects:  # what is diffuse is shaded all round, and has no seam where it turns
         view = {"kind": "vertices", "direction": list(asked.direction)}
         frames = tuple(replace(frame, specs={**frame.specs, "view": view}) for frame in frames)

@@ -85,11 +85,13 @@ def at_vertices(values: NDArray[np.floating], points: Points, mesh: TriangleMesh
 def spread(values: Array, triangles: NDArray[np.int32]) -> Array:
     """Return values (V, 3) of which the NaN within `_SPREAD` edges of others are means of their neighbours.
 
+    A neighbour counts once for each triangle that it shares.
+
     Examples
     --------
     >>> strip = np.array([[0, 1, 2], [1, 2, 3]], np.int32)
-    >>> spread(np.array([[1.0] * 3, [3.0] * 3, [np.nan] * 3, [np.nan] * 3]), strip)[:, 0].tolist()
-    [1.0, 3.0, 2.0, 3.0]
+    >>> spread(np.array([[1.0] * 3, [3.0] * 3, [5.0] * 3, [np.nan] * 3]), strip)[:, 0].tolist()
+    [1.0, 3.0, 5.0, 4.0]
     """
     values = values.copy()
     ends = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
@@ -107,7 +109,7 @@ def spread(values: Array, triangles: NDArray[np.int32]) -> Array:
 
 
 def _known(values: Array) -> NDArray[np.bool_]:
-    return ~np.isnan(values).any(axis=1)
+    return np.logical_and.reduce(np.isfinite(values), axis=1)
 
 
 def _without_value(values: list[Array], filled: list[Array]) -> tuple[str, ...]:

@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 
 from envbench.errors import BadInput
-from envbench.records import CellResult, MaterialSheet, Phase, RunInfo, SceneResult, Score, Status, Study, Timing
+from envbench.records import CellResult, Film, MaterialSheet, Phase, RunInfo, SceneResult, Score, Status, Study, Timing
 from envbench.schema import MIGRATIONS
 from envbench.store import Store
 
@@ -262,6 +262,15 @@ def test_studies_come_back_as_saved(store):
     )
     assert store.studies(RUN.id)[1].judged == (1, 2)
     assert store.studies("no such run") == []
+
+
+def test_films_come_back_as_saved(store):
+    film = Film("bat", "shrm, light studio", "image/webp", bytes(range(256)), ("note",), 2.5)
+    gone = Film("gone", "as asked", reason="EGL is not usable")
+    for saved in (film, gone, film):
+        store.save_film(RUN.id, saved)
+    assert all(map(same, store.films(RUN.id), (gone, film)))
+    assert store.films("no such run") == []
 
 
 def test_a_study_has_an_entry_a_column():

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import pytest
 
-from envbench.records import MaterialSheet, Score, Status, Study
+from envbench.records import Film, MaterialSheet, Score, Status, Study
 from reports import render
 from reports.hard import hard_cases
 from reports.materials import materials
@@ -152,6 +152,20 @@ def test_studies_are_tables_with_their_notes_or_reasons(make):
     for words in ("Orders beside <table 5>", "Least P, then F.", "P = 3 is printed.", "No table: crashed: killed by"):
         assert words in page.text
     assert "studies" not in Page(render(make.records([], []), "latest")).ids
+
+
+def test_animations_are_pictures_with_captions_or_reasons(make):
+    film = Film(
+        "bat & wings", "irradiance-9, light studio; exposure +0.25 EV", "image/webp", b"RIFF", ("Not simulated",)
+    )
+    gone = Film("gone", "as asked", reason="EGL is not usable: apt install libegl1")
+    page = Page(render(replace(make.records([], []), film_results=[film, gone]), "latest"))
+    assert "animations" in page.ids
+    assert "#animations" in page.references
+    assert "data:image/webp;base64,UklGRg==" in page.references
+    for words in ("bat & wings", "light studio; exposure +0.25 EV", "Not simulated", "Left out: EGL is not usable"):
+        assert words in page.text
+    assert "animations" not in Page(render(make.records([], []), "latest")).ids
 
 
 def test_the_glance_names_winners_by_situation(make):
