@@ -10,14 +10,15 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
+from benchmarks.studies import STUDIES
 from data_gen import environments, geometry, materials, views
-from envbench.catalogue import Spec
+from envbench.catalogue import Rasteriser, Spec
 from envbench.environment import Environment
 from envbench.errors import BadInput
 from envbench.geometry import Geometry, Points, Viewer
 from envbench.material import Centre, Material
 from envbench.method import Method
-from envbench.records import MaterialSheet
+from envbench.records import MaterialSheet, Study
 from envbench.reference import Agreement, Reference, ReferenceSettings
 from envbench.scene import Effect, Scene, told
 from methods import METHODS
@@ -38,6 +39,7 @@ class Catalogue:
     materials: Mapping[str, Spec] = field(default_factory=lambda: materials.MATERIALS)
     geometries: Mapping[str, Spec] = field(default_factory=lambda: geometry.GEOMETRIES)
     views: Mapping[str, Spec] = field(default_factory=lambda: views.VIEWS)
+    studies: Mapping[str, Callable[[], Study]] = field(default_factory=lambda: STUDIES)
 
     def scene(
         self, *, name: str, light: Spec, material: Spec, geometry: Spec, view: Spec,
@@ -67,6 +69,12 @@ class Catalogue:
         from benchmarks import sheets
 
         return sheets.sheet(name, material)
+
+    def rasteriser(self, size: int) -> Rasteriser:
+        """Return what draws pictures of `size` pixels a side; raises `CannotRun` without EGL."""
+        from data_gen import rasterise
+
+        return rasterise.Rasteriser(size)
 
     def agreement(self, scenes: Sequence[Scene]) -> Sequence[Agreement]:
         """Hold Mitsuba's reference against the quadrature on every convex scene."""

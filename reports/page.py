@@ -14,16 +14,18 @@ from typing import Any
 
 from envbench.errors import BadInput
 from envbench.metrics import METRICS
-from envbench.records import CellResult, MaterialSheet, RunInfo, SceneResult, Status
+from envbench.records import CellResult, Film, MaterialSheet, RunInfo, SceneResult, Status, Study
 from envbench.stability import FACTOR, LEVEL
 from envbench.store import Store
 from reports import numerals
+from reports.animations import reels
 from reports.claims import claims
 from reports.hard import hard_cases
 from reports.materials import PAPER_ABOVE, PAPER_SAMPLES, PAPER_WORST, materials
 from reports.measured import CLOSE, held
 from reports.pictures import colour_bar, gallery, thinning
 from reports.plots import marks, plot_data
+from reports.studies import studies
 from reports.table import nrmse, table
 from reports.verdict import LEVELS, SITUATIONS, competitions, glance, score, settings_text, varied, verdicts
 
@@ -81,11 +83,17 @@ def write(store: Store, run_ref: str, path: Path) -> Path:
 def render(store: Store, run_ref: str) -> str:
     """Return the report of a run as HTML; raises `BadInput` for an unknown run."""
     run = store.run(run_ref)
-    return _fill(run, store.scenes(run.id), store.cells(run.id), store.sheets(run.id))
+    beside = store.sheets(run.id), store.studies(run.id), store.films(run.id)
+    return _fill(run, store.scenes(run.id), store.cells(run.id), *beside)
 
 
 def _fill(
-    run: RunInfo, scenes: Sequence[SceneResult], cells: Sequence[CellResult], sheets: Sequence[MaterialSheet]
+    run: RunInfo,
+    scenes: Sequence[SceneResult],
+    cells: Sequence[CellResult],
+    sheets: Sequence[MaterialSheet],
+    tables: Sequence[Study],
+    films: Sequence[Film],
 ) -> str:
     from jinja2 import Environment, FileSystemLoader, StrictUndefined
     from markupsafe import Markup
@@ -128,6 +136,8 @@ def _fill(
         held=held(scenes, cells),
         close=CLOSE,
         materials=materials(sheets),
+        studies=studies(tables),
+        reels=reels(films),
         paper=(PAPER_ABOVE, PAPER_SAMPLES, PAPER_WORST),
         marks=looks,
         table=table(scenes, cells),

@@ -12,11 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from envbench.records import CellResult, SceneResult
+from envbench.tonemap import exposure, pictured
 from reports.numerals import RADIANCE, three
 
 PIXEL_BUDGET = 20_000_000
 """Pixels that one report shows at most; beyond, every image keeps each n-th row and column only."""
-_LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 _BROKEN = (255, 0, 255)
 """Where the reference has a value and the method none: no radiance looks like this."""
 _STEPS = 253
@@ -75,7 +75,7 @@ def gallery(index: int, scene: SceneResult, cells: Sequence[CellResult], step: i
     shown = [(cell, cell.image[::step, ::step]) for cell in cells if cell.image is not None]
     shown = [(cell, image) for cell, image in shown if image.shape == reference.shape]
     differences = [_mean_difference(image, reference) * scale for _, image in shown]
-    limit, stops = _limit(differences), _exposure(reference)
+    limit, stops = _limit(differences), exposure(reference[_finite(reference)])
     covered = _finite(reference)
     unit = "% of the reference's RMS radiance" if relative else f"{RADIANCE} (the reference is black)"
     percent = 100 if relative else 1
@@ -119,20 +119,11 @@ def _limit(differences: Sequence[NDArray[np.float64]]) -> float:
     return next(step * decade for step in (1, 2, 5, 10) if step * decade >= high * (1 - 1e-9))
 
 
-def _exposure(reference: NDArray[np.float32]) -> float:
-    """Return the stops that bring the reference's 99th percentile of luminance to 1, to a quarter stop."""
-    luminance = reference[_finite(reference)] @ _LUMINANCE
-    white = float(np.percentile(luminance, 99)) if luminance.size else 0.0
-    return -round(4 * math.log2(white)) / 4 if white > 0 else 0.0
-
-
 def _render(image: NDArray[np.float32], covered: NDArray[np.bool_], stops: float) -> str:
     """Encode exposure, clipping to [0, 1] and the sRGB curve (IEC 61966-2-1); no point is transparent."""
     finite = _finite(image)
-    linear = np.clip(np.where(finite[..., None], image, 0) * 2.0**stops, 0, 1)
-    curved = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
     pixels = np.zeros((*finite.shape, 4), np.uint8)
-    pixels[..., :3] = np.rint(255 * curved)
+    pixels[..., :3] = pictured(np.where(finite[..., None], image, 0), stops)
     pixels[..., 3] = 255 * covered
     pixels[covered & ~finite] = (*_BROKEN, 255)
     return _png(pixels)

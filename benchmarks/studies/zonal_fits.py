@@ -129,8 +129,8 @@ def glossy_head() -> Study:
         ("n_b", "N", "lobes", "error of the rows left out", "further error of the fit", "both"),
         tuple(rows),
         (
-            f"Singular values: {falling} ... of the first. They fall slowly, so that in this norm three rows leave much "
-            "out; the fit of what is kept is accurate.",
+            f"Singular values: {falling} ... of the first. They fall slowly, so that in this norm three rows leave "
+            "much out; the fit of what is kept is accurate.",
         ),
     )  # fmt: skip
 

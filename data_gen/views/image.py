@@ -13,7 +13,7 @@ from data_gen.views import parameters as p
 from data_gen.views.parameters import Vector
 from data_gen.views.points import Spots, equal, on_mesh, sphere_uv
 from envbench import llvm
-from envbench.directions import Array, normalised, perpendicular
+from envbench.directions import Array, normalised, perpendicular, upright
 from envbench.errors import BadInput
 from envbench.geometry import Geometry, Points, TriangleMesh, Viewer
 
@@ -82,7 +82,7 @@ class Image:
         x, y = np.tile(along, self.size)[:, None], np.repeat(-along, self.size)[:, None]
         if self.direction is not None:
             towards = np.asarray(self.direction)
-            right, up = _upright(towards, self.up)
+            right, up = upright(towards, self.up)
             origins = centre + radius * (x * right + y * up + 2 * towards)
             return origins, np.broadcast_to(-towards, origins.shape), Viewer(direction=self.direction)
         eye = np.asarray(self.eye, float)
@@ -91,7 +91,7 @@ class Image:
         axis = normalised((centre if self.target is None else np.asarray(self.target)) - eye)
         if not axis.any():
             raise BadInput(f"the eye {self.eye} lies at its own target; move one of them.")
-        right, up = _upright(-axis, self.up)
+        right, up = upright(-axis, self.up)
         half = np.tan(np.radians(40.0 if self.fov is None else self.fov) / 2)
         rays = normalised(axis + half * (x * right + y * up))
         viewer = Viewer(eye=self.eye, axis=(float(axis[0]), float(axis[1]), float(axis[2])))
@@ -105,15 +105,6 @@ def _bounds(geometry: Geometry) -> tuple[Array, float]:
     vertices = geometry.mesh.vertices
     centre = (vertices.min(0) + vertices.max(0)) / 2
     return centre, float(np.linalg.norm(vertices - centre, axis=1).max())
-
-
-def _upright(towards: Array, up: Vector) -> tuple[Array, Array]:
-    """Return the image's right and up; where `up` is along the view, some other direction is upright."""
-    right = np.cross(up, towards)
-    if np.linalg.norm(right) < 1e-6 * np.linalg.norm(up):
-        right = np.cross((0.0, 1.0, 0.0) if abs(towards[1]) < 0.9 else (1.0, 0.0, 0.0), towards)
-    right = normalised(right)
-    return right, np.cross(towards, right)
 
 
 def _meet_sphere(origins: Array, rays: Array) -> tuple[NDArray[np.bool_], Array]:

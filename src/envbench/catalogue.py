@@ -2,17 +2,40 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Protocol
 
+import numpy as np
+from numpy.typing import NDArray
+
+from envbench.geometry import TriangleMesh
 from envbench.method import Method
-from envbench.records import MaterialSheet
+from envbench.records import MaterialSheet, Study
 from envbench.reference import Agreement, Reference, ReferenceSettings
 from envbench.scene import Effect, Scene
 
 Spec = Mapping[str, Any]
 """A thing of a suite as TOML gives it, e.g. ``{"kind": "file", "path": "grace.exr"}``; picklable."""
+
+
+class Rasteriser(Protocol):
+    """Draws meshes off screen, square and in the colours that it is given."""
+
+    def film(
+        self,
+        meshes: Sequence[TriangleMesh],
+        colours: Sequence[NDArray[np.uint8]],
+        direction: Sequence[float],
+        up: Sequence[float],
+        fps: float,
+    ) -> tuple[str, bytes]:
+        """Return the MIME type and the bytes of one looped picture: each mesh by its vertices' colours (V, 3)."""
+        ...
+
+    def close(self) -> None:
+        """Give back what it holds."""
+        ...
 
 
 class Catalogue(Protocol):
@@ -25,6 +48,8 @@ class Catalogue(Protocol):
     geometries: Mapping[str, Spec]
     views: Mapping[str, Spec]
     """Point sets: uniform (R, V) queries, images seen by a viewer."""
+    studies: Mapping[str, Callable[[], Study]]
+    """Tables that belong to no scene and method; the first line of a function's docstring says what one shows."""
 
     def scene(
         self, *, name: str, light: Spec, material: Spec, geometry: Spec, view: Spec,
@@ -42,6 +67,10 @@ class Catalogue(Protocol):
 
     def sheet(self, name: str, material: Spec) -> MaterialSheet:
         """Return what is known of a material by itself; raises `BadInput`."""
+        ...
+
+    def rasteriser(self, size: int) -> Rasteriser:
+        """Return what draws pictures of `size` pixels a side; raises `CannotRun` where this machine cannot."""
         ...
 
     def agreement(self, scenes: Sequence[Scene]) -> Sequence[Agreement]:

@@ -87,7 +87,7 @@ def run(
 @app.command("list")
 def list_(
     kind: Annotated[
-        str, typer.Argument(metavar="KIND", help="methods, scenes, suites, metrics, lights, materials ...")
+        str, typer.Argument(metavar="KIND", help="methods, scenes, suites, metrics, studies, lights, materials ...")
     ],
     root: Root = None,
 ) -> None:

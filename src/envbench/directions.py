@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -56,6 +58,24 @@ def perpendicular(direction: ArrayLike) -> Array:
     d = np.asarray(direction, float)
     axis = np.where(np.abs(d[..., 2:3]) < 0.9, [0.0, 0.0, 1.0], [1.0, 0.0, 0.0])
     return normalised(np.cross(axis, d))
+
+
+def upright(towards: Array, up: Sequence[float]) -> tuple[Array, Array]:
+    """Return an image's right and up (3,), seen from the unit direction `towards`.
+
+    Where `up` is along the view, some other direction is upright.
+
+    Examples
+    --------
+    >>> [axis.tolist() for axis in upright(np.array([0.0, 0.0, 1.0]), (0.0, 1.0, 0.0))]
+    [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]
+    """
+    above = np.asarray(up, float)
+    right = np.cross(above, towards)
+    if np.linalg.norm(right) < 1e-6 * np.linalg.norm(above):
+        right = np.cross((0.0, 1.0, 0.0) if abs(towards[1]) < 0.9 else (1.0, 0.0, 0.0), towards)
+    right = normalised(right)
+    return right, np.cross(towards, right)
 
 
 def uniform(count: int, rng: np.random.Generator) -> Array:

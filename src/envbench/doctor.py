@@ -95,7 +95,7 @@ def trials() -> Iterator[Finding]:
         }.get(variant, said)
         yield Finding(f"Mitsuba {variant}", "renders" if ok else "does not render", ok, needed, remedy)
     ok, said = _end(egl)
-    remedy = "only for rasterised pictures: apt install libegl1 libgl1-mesa-dri (dnf: mesa-libEGL mesa-dri-drivers)"
+    remedy = f"only for rasterised pictures: {machine.EGL_REMEDY}"
     yield Finding("EGL (pyrender)", said if ok else f"not usable: {said}", ok, False, remedy)
 
 

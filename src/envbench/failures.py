@@ -8,7 +8,7 @@ import sys
 import traceback
 from pathlib import Path
 
-from envbench.messages import Failure, FirstPass, MakeReference, MakeSheet, Request, Round
+from envbench.messages import Failure, FirstPass, MakeFilm, MakeReference, MakeSheet, MakeStudy, Request, Round
 from envbench.records import Status
 
 
@@ -43,9 +43,12 @@ def death(code: int | None, last_words: str) -> str:
 def _where(error: BaseException, request: Request) -> str:
     frames = traceback.extract_tb(error.__traceback__)
     match request:
-        case MakeReference() | MakeSheet():
+        case MakeReference() | MakeSheet() | MakeStudy():
             return ""
         case FirstPass(cell) | Round(cell):
-            own = getattr(sys.modules.get(type(cell.method).__module__), "__file__", None)
+            method = cell.method
+        case MakeFilm(animation):
+            method = animation.method
+    own = getattr(sys.modules.get(type(method).__module__), "__file__", None)
     inside = [frame for frame in frames if frame.filename == own]
     return f" ({Path(inside[-1].filename).name}:{inside[-1].lineno}, in {inside[-1].name})" if inside else ""

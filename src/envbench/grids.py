@@ -88,12 +88,16 @@ def expand(grid: Grid, suite: Suite, bench: Workbench) -> Iterator[SceneSpec]:
         yield SceneSpec(*names, specs=specs, effects=effects)
 
 
-def steps(knob: Knob, suite: Suite, bench: Workbench) -> Iterator[SceneSpec]:
-    """Yield a knob's scenes from easy to extreme; the part that is turned is named by the knob and its value."""
+def steps(knob: Knob, suite: Suite, bench: Workbench, what: str = "knob") -> Iterator[SceneSpec]:
+    """Yield a knob's scenes from easy to extreme; the part that is turned is named by the knob and its value.
+
+    `what` is how messages call it.
+    """
+    what = f"{what} '{knob.name}'"
     kind, _, path = knob.vary.partition(".")
     if kind not in (*KINDS, "method") or (kind == "method" and not path):
         raise BadInput(
-            f"knob '{knob.name}': vary must begin with light, material, geometry, view or method, "
+            f"{what}: vary must begin with light, material, geometry, view or method, "
             f"as in \"material.exponent\". Got '{knob.vary}' instead."
         )
     given = {part: getattr(knob, part) for part in KINDS}
@@ -107,7 +111,7 @@ def steps(knob: Knob, suite: Suite, bench: Workbench) -> Iterator[SceneSpec]:
         turn = Turn(knob.name, number, value, knob.vary)
         turned = dict(specs)
         if kind != "method":
-            turned[kind] = _turned(specs[kind], kind, path, value, knob, suite, bench)
+            turned[kind] = _turned(specs[kind], knob.vary, value, what, suite, bench)
         names = named | {varied: f"{knob.name} = {turn.setting}".replace("/", ":")}
         yield SceneSpec(*names.values(), specs=turned, turn=turn)
 
@@ -162,14 +166,15 @@ def _placed(spec: Spec, suite: Suite) -> Spec:
     return placed("", spec)
 
 
-def _turned(spec: Spec, kind: str, path: str, value: Any, knob: Knob, suite: Suite, bench: Workbench) -> Spec:
-    """Return a table with what lies at `path` replaced; all of it where the path is empty."""
+def _turned(spec: Spec, vary: str, value: Any, what: str, suite: Suite, bench: Workbench) -> Spec:
+    """Return a table with what `vary` leads to replaced; all of it where that is but a kind."""
+    kind, _, path = vary.partition(".")
     if not path:
         if isinstance(value, str):
             return look_up(kind, value, suite, bench)
         if isinstance(value, Mapping):
             return _placed(value, suite)
-        raise BadInput(f"knob '{knob.name}': a {kind} is a name or a table. Got {value!r} instead.")
+        raise BadInput(f"{what}: a {kind} is a name or a table. Got {value!r} instead.")
     turned = copy.deepcopy(dict(spec))
     keys: list[Any] = [int(key) if key.isdigit() else key for key in path.split(".")]
     *way, last = keys
@@ -181,5 +186,5 @@ def _turned(spec: Spec, kind: str, path: str, value: Any, knob: Knob, suite: Sui
             _ = place[last]  # an entry that is not there cannot be turned; a setting may have its default
         place[last] = value
     except (KeyError, IndexError, TypeError):
-        raise BadInput(f"knob '{knob.name}': '{knob.vary}' leads nowhere in the {kind}'s table {dict(spec)}.") from None
+        raise BadInput(f"{what}: '{vary}' leads nowhere in the {kind}'s table {dict(spec)}.") from None
     return turned

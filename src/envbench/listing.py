@@ -1,4 +1,4 @@
-"""What there is to name: methods, scenes, suites, metrics, and the presets that suites are made of."""
+"""What there is to name: methods, scenes, suites, metrics, studies, and the presets that suites are made of."""
 
 from __future__ import annotations
 
@@ -26,6 +26,7 @@ def show(kind: str, user: Path | None) -> None:
         "scenes": scenes,
         "suites": suites,
         "metrics": lambda bench: metrics(),
+        "studies": studies,
         **{name: _presets(name) for name in ("lights", "materials", "geometries", "views")},
     }
     if kind not in kinds:
@@ -73,6 +74,12 @@ def suites(bench: Workbench) -> Rows:
         except BadInput as error:
             rows.append((name, f"cannot be read: {error}", str(path)))
     return rows
+
+
+def studies(bench: Workbench) -> Rows:
+    """Return every study with what its table shows."""
+    shown = ((name, (make.__doc__ or "").partition("\n")[0]) for name, make in bench.catalogue.studies.items())
+    return [("name", "table"), *shown]
 
 
 def metrics() -> Rows:

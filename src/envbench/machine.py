@@ -13,6 +13,9 @@ from envbench import llvm
 
 _COMPUTE = ("numpy", "scipy", "mitsuba", "drjit", "ducc0", "openexr", "scikit-image", "trimesh")
 
+EGL_REMEDY = "apt install libegl1 libgl1-mesa-dri (dnf: mesa-libEGL mesa-dri-drivers)"
+"""What lets pyrender rasterise off screen where it cannot."""
+
 
 def fingerprint() -> dict[str, Any]:
     """Return the machine as timings depend on it: JSON values, read without starting anything heavy."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+from envbench.animation import AnimationSpec
 from envbench.catalogue import Spec
 from envbench.grids import SceneSpec
 from envbench.plan import CellSpec
@@ -59,7 +60,21 @@ class MakeSheet:
     material: Spec
 
 
-Request = MakeReference | FirstPass | Round | MakeSheet
+@dataclass(frozen=True)
+class MakeStudy:
+    """Asks for a table of the catalogue's by name; answered by a `Study`."""
+
+    name: str
+
+
+@dataclass(frozen=True)
+class MakeFilm:
+    """Asks for an animation; answered by a `Film`."""
+
+    animation: AnimationSpec
+
+
+Request = MakeReference | FirstPass | Round | MakeSheet | MakeStudy | MakeFilm
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""From a suite to the list of what is computed: scenes, cells (a method with its settings on a scene), and sheets."""
+"""From a suite to what is computed: scenes, cells (a method with its settings on a scene), sheets ..."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+from envbench.animation import AnimationSpec, animations
 from envbench.catalogue import Spec
 from envbench.choices import Choice, choices, selected
 from envbench.errors import BadInput, NeedsData, unknown
@@ -57,6 +58,10 @@ class Plan:
         What a user should know of the inputs, and what is left out, a line each.
     survey : mapping of str to Spec
         Materials of which a sheet is made.
+    studies : tuple of str
+        Tables of the catalogue's to make.
+    animations : tuple of AnimationSpec
+        Meshes in motion to draw.
     """
 
     suite: str
@@ -66,6 +71,8 @@ class Plan:
     cells: tuple[CellSpec, ...]
     notes: tuple[str, ...] = ()
     survey: Mapping[str, Spec] = field(default_factory=dict[str, Spec])
+    studies: tuple[str, ...] = ()
+    animations: tuple[AnimationSpec, ...] = ()
 
     @property
     def scenes(self) -> tuple[SceneSpec, ...]:
@@ -109,8 +116,12 @@ def plan(suite: SuiteFile, bench: Workbench, *, scenes: Sequence[str] = (), meth
     """
     every = choices(suite.methods, bench)
     entries = _entries(suite, bench, every)
-    survey = _survey(suite, bench) if not scenes and not methods else {}
-    if not (entries and every) and not survey:
+    whole = not scenes and not methods
+    survey = _survey(suite, bench) if whole else {}
+    studies = _studies(suite, bench) if whole else ()
+    films, without = animations(suite, bench) if whole else ((), ())
+    beside = bool(survey or studies or films)
+    if not (entries and every) and not beside and not without:
         lacking = "[[methods]]" if entries else "[[scenes]]"
         raise BadInput(f"suite '{suite.name}' names no cell: give it at least one {lacking} with something in it.")
     _known("scene", scenes, entries)
@@ -135,11 +146,11 @@ def plan(suite: SuiteFile, bench: Workbench, *, scenes: Sequence[str] = (), meth
         for choice in chosen:
             key = hashlib.sha256("\0".join((*content, choice.identity)).encode()).hexdigest()
             cells.append(CellSpec(key, spec, choice.method, choice.settings, choice.identity))
-    left_out = tuple(f"left out {_listed(names)}: {reason}" for reason, names in absent.items())
-    if not cells and not survey:
+    left_out = (*(f"left out {_listed(names)}: {reason}" for reason, names in absent.items()), *without)
+    if not cells and not beside:
         raise BadInput(f"suite '{suite.name}' has no scene left. {' '.join(left_out)}")
     settings = suite.reference, suite.timing
-    return Plan(suite.name, suite.text, *settings, tuple(cells), (*left_out, *notes), survey)
+    return Plan(suite.name, suite.text, *settings, tuple(cells), (*left_out, *notes), survey, studies, films)
 
 
 def remarks(scene: Scene) -> tuple[str, ...]:
@@ -193,6 +204,14 @@ def _survey(suite: SuiteFile, bench: Workbench) -> dict[str, Spec]:
         found |= {name: look_up("material", name, suite, bench) for name in names}
     used = dict.fromkeys(name for grid in suite.scenes for name in grid.materials)
     return {name: look_up("material", name, suite, bench) for name in used} | found
+
+
+def _studies(suite: SuiteFile, bench: Workbench) -> tuple[str, ...]:
+    """Return the names of the tables to make, each once."""
+    for name in suite.studies:
+        if name not in bench.catalogue.studies:
+            raise unknown("study", name, bench.catalogue.studies)
+    return tuple(dict.fromkeys(suite.studies))
 
 
 def _known(kind: str, wanted: Sequence[str], there: Iterable[str]) -> None:

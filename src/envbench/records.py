@@ -10,6 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from envbench.errors import BadInput
+
 
 class Status(StrEnum):
     """How a cell ended."""
@@ -166,6 +168,80 @@ class MaterialSheet:
     orders: tuple[tuple[float, int, int, int, float], ...]
     captured: tuple[tuple[int, int, float], ...]
     slices: tuple[tuple[float, tuple[float, ...], tuple[float, ...]], ...]
+
+
+@dataclass(frozen=True)
+class Study:
+    """A table that belongs to no scene and method, e.g. what a paper prints beside the same recomputed.
+
+    Attributes
+    ----------
+    title, text : str
+        What the table shows, in a line and in a few sentences.
+    columns : tuple of str
+        Headings, a unit in brackets where there is one.
+    rows : tuple of tuple
+        Of as many entries as there are columns. True and False show as "holds" and "differs", None as a dash.
+    notes : tuple of str
+        What a reader should know, a line each.
+    seconds : float
+        What making it took; NaN until it was measured.
+    reason : str
+        Why there is no table; empty where there is one.
+    """
+
+    name: str
+    title: str
+    text: str
+    columns: tuple[str, ...]
+    rows: tuple[tuple[str | float | int | bool | None, ...], ...]
+    notes: tuple[str, ...] = ()
+    seconds: float = float("nan")
+    reason: str = ""
+
+    def __post_init__(self) -> None:
+        for number, row in enumerate(self.rows, 1):
+            if len(row) != len(self.columns):
+                raise BadInput(
+                    f"study '{self.name}': row {number} must have {len(self.columns)} entries, one a column. "
+                    f"Got {len(row)} instead."
+                )
+
+    @property
+    def judged(self) -> tuple[int, int]:
+        """How many of its true-or-false entries are true, and how many there are."""
+        said = [entry for row in self.rows for entry in row if isinstance(entry, bool)]
+        return sum(said), len(said)
+
+    @staticmethod
+    def missing(name: str, reason: str) -> Study:
+        """Return what stands for a study that came to nothing."""
+        return Study(name, name, "", (), (), reason=reason)
+
+
+@dataclass(frozen=True)
+class Film:
+    """A mesh in motion as a method shades it: one looped picture that a browser plays.
+
+    Attributes
+    ----------
+    caption : str
+        Method and settings, light, material, what moves, and how radiance became colours.
+    mime : str
+        The type of `data`, e.g. "image/webp".
+    notes : tuple of str
+        What a viewer should know, a line each (effects that are not simulated, vertices without a value ...).
+    reason : str
+        Why there is no picture; empty where there is one.
+    """
+
+    name: str
+    caption: str
+    mime: str = ""
+    data: bytes = b""
+    notes: tuple[str, ...] = ()
+    seconds: float = float("nan")
+    reason: str = ""
 
 
 @dataclass(frozen=True)

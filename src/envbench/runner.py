@@ -10,12 +10,13 @@ from datetime import UTC, datetime
 from typing import Any
 
 from envbench import machine
+from envbench.animation import AnimationSpec
 from envbench.errors import BadInput
 from envbench.grids import SceneSpec
-from envbench.messages import Failure, FirstPass, MakeReference, MakeSheet, Request, Round
+from envbench.messages import Failure, FirstPass, MakeFilm, MakeReference, MakeSheet, MakeStudy, Request, Round
 from envbench.plan import CellSpec, Plan
 from envbench.progress import Progress
-from envbench.records import CellResult, MaterialSheet, Phase, RunInfo, SceneResult
+from envbench.records import CellResult, Film, MaterialSheet, Phase, RunInfo, SceneResult, Study
 from envbench.settings import plain
 from envbench.sheet import missing
 from envbench.store import Store
@@ -70,10 +71,15 @@ class Runner:
         todo = [cell for cell in self.plan.cells if cell.key not in done]
         surveyed = {sheet.name for sheet in self.store.sheets(info.id)}
         survey = {name: spec for name, spec in self.plan.survey.items() if name not in surveyed}
-        if not (todo or survey) and info.finished is not None:
+        made = {study.name for study in self.store.studies(info.id)}
+        studies = [name for name in self.plan.studies if name not in made]
+        drawn = {film.name for film in self.store.films(info.id)}
+        animations = [spec for spec in self.plan.animations if spec.name not in drawn]
+        more = len(survey) + len(studies) + len(animations)
+        if not (todo or more) and info.finished is not None:
             self.progress.line(f"run {info.id} is finished: nothing to resume.")
             return info
-        self._begin_progress(todo, len(done), len(survey))
+        self._begin_progress(todo, len(done), more)
         by_scene: dict[str, list[CellSpec]] = {}
         for cell in todo:
             by_scene.setdefault(cell.scene.name, []).append(cell)
@@ -81,15 +87,17 @@ class Runner:
             if scene.name in by_scene:
                 self._scene(scene, by_scene[scene.name])
         self._survey(survey)
+        self._studies(studies)
+        self._animations(animations)
         wall = time.time() - began
         self.store.finish(info.id, _now(), wall, max(wall - self.worked, 0.0))
         return self.store.run(info.id)
 
-    def _begin_progress(self, todo: Sequence[CellSpec], done: int, sheets: int) -> None:
+    def _begin_progress(self, todo: Sequence[CellSpec], done: int, more: int) -> None:
         scenes = len({cell.scene.name for cell in todo})
         kept = f", {done} finished cells kept" if done else ""
         self.progress.line(f"run {self.run_id}: suite '{self.plan.suite}', {scenes} scenes, {len(todo)} cells{kept}.")
-        self.progress.start(scenes + len(todo) * (1 + self.plan.timing.rounds) + sheets)
+        self.progress.start(scenes + len(todo) * (1 + self.plan.timing.rounds) + more)
 
     def _scene(self, spec: SceneSpec, cells: Sequence[CellSpec]) -> None:
         answer = self._open(spec)
@@ -122,6 +130,32 @@ class Runner:
         for reason, names in absent.items():
             more = f" and {len(names) - 1} more" if len(names) > 1 else ""
             self.progress.line(f"note, no sheet of {names[0]}{more}: {reason}")
+
+    def _studies(self, names: Sequence[str]) -> None:
+        """Store each table; one that cannot be made stands there with the reason."""
+        for name in names:
+            answer: Study | Failure = self._ask(MakeStudy(name), self.seconds, f"study {name}")
+            if isinstance(answer, Failure):
+                answer = Study.missing(name, f"{answer.status.value}: {answer.reason}")
+                self.progress.line(f"note, no study '{name}': {answer.reason}")
+            else:
+                self.worked += answer.seconds
+            self.store.save_study(self.run_id, answer)
+            self.progress.advance(1)
+
+    def _animations(self, specs: Sequence[AnimationSpec]) -> None:
+        """Store each animation; one that cannot be made stands there with the reason."""
+        for spec in specs:
+            limit = 2 * self.seconds  # a cell's for its preparation, and one for its frames
+            answer: Film | Failure = self._ask(MakeFilm(spec), limit, f"animation {spec.name}")
+            if isinstance(answer, Failure):
+                answer = Film(spec.name, spec.caption, reason=f"{answer.status.value}: {answer.reason}")
+            elif not answer.reason:
+                self.worked += answer.seconds
+            if answer.reason:
+                self.progress.line(f"note, left out animation '{spec.name}': {answer.reason}")
+            self.store.save_film(self.run_id, answer)
+            self.progress.advance(1)
 
     def _open(self, spec: SceneSpec) -> SceneResult | Failure:
         """Have the worker build a scene and its reference, which after the first time comes from the cache."""

@@ -121,6 +121,29 @@ CREATE TABLE material (
     UNIQUE (run_id, name)
 )"""
 
+_STUDY = """
+CREATE TABLE study (
+    id INTEGER PRIMARY KEY,
+    run_id TEXT NOT NULL REFERENCES run (id) ON DELETE CASCADE,
+    name TEXT NOT NULL,
+    study TEXT NOT NULL,             -- JSON object: the fields of envbench.records.Study
+    UNIQUE (run_id, name)
+)"""
+
+_ANIMATION = """
+CREATE TABLE animation (
+    id INTEGER PRIMARY KEY,
+    run_id TEXT NOT NULL REFERENCES run (id) ON DELETE CASCADE,
+    name TEXT NOT NULL,
+    caption TEXT NOT NULL,
+    mime TEXT NOT NULL,              -- of data, e.g. image/webp
+    data BLOB NOT NULL,              -- one looped picture; empty where there is a reason
+    notes TEXT NOT NULL,             -- JSON array
+    seconds REAL,
+    reason TEXT NOT NULL,            -- why there is no picture
+    UNIQUE (run_id, name)
+)"""
+
 _FIRST_PREDICTION = "(SELECT value FROM json_each(cell.predictions) LIMIT 1) AS predicted_error"
 
 MIGRATIONS: list[tuple[str, ...]] = [
@@ -141,5 +164,6 @@ MIGRATIONS: list[tuple[str, ...]] = [
         "ALTER TABLE scene ADD COLUMN position INTEGER NOT NULL DEFAULT 0",  # place in the plan
         "ALTER TABLE timing ADD COLUMN shared INTEGER NOT NULL DEFAULT 0",  # 1: measured on an earlier scene
     ),
+    (_STUDY, _ANIMATION),
 ]
 """Statements that lead from schema i to schema i + 1."""

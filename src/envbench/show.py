@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from envbench.errors import unknown
 from envbench.metrics import METRICS
-from envbench.records import CellResult, Phase, RunInfo, SceneResult, Score, Status
+from envbench.records import CellResult, Film, Phase, RunInfo, SceneResult, Score, Status, Study
 from envbench.stability import verdicts
 from envbench.store import Store
 
@@ -69,9 +69,14 @@ def table(store: Store, ref: str, *, scenes: Sequence[str] = (), metrics: Sequen
             f"{cell.status.value}: {cell.reason}" if cell.reason else cell.status.value,
         )
         last = cell.scene
-    console().print(grid)
+    if cells:
+        console().print(grid)
     if not scenes:
         _hard_cases(store.scenes(run.id), cells)
+        for study in store.studies(run.id):
+            console().print(about(study), highlight=False)
+        for film in store.films(run.id):
+            console().print(_about_film(film), highlight=False)
     console().print(summary(run, cells), highlight=False)
 
 
@@ -89,6 +94,28 @@ def _hard_cases(scenes: Sequence[SceneResult], cells: Sequence[CellResult]) -> N
         last = verdict.knob
     console().print()
     console().print(grid)
+
+
+def about(study: Study) -> str:
+    """Say in a line what a study came to.
+
+    Examples
+    --------
+    >>> about(Study("orders", "Orders beside table 5", "", ("F", "as printed"), ((24, True), (12, False))))
+    "study 'orders': Orders beside table 5; 2 rows, 1 of 2 comparisons hold"
+    >>> about(Study.missing("orders", "timed out: no answer within 9 s"))
+    "study 'orders': no table, timed out: no answer within 9 s"
+    """
+    if study.reason:
+        return f"study '{study.name}': no table, {study.reason}"
+    held, judged = study.judged
+    verdict = f", {held} of {judged} comparisons hold" if judged else ""
+    return f"study '{study.name}': {study.title}; {len(study.rows)} row{'s' * (len(study.rows) != 1)}{verdict}"
+
+
+def _about_film(film: Film) -> str:
+    state = f"left out, {film.reason}" if film.reason else f"{len(film.data) / 1024:,.0f} KiB in the report"
+    return f"animation '{film.name}': {state}"
 
 
 def material(name: str, user: Path | None, plot: Path | None) -> None:

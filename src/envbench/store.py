@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from envbench.database import connect, migrate, transaction, worded
 from envbench.errors import BadInput
-from envbench.records import CellResult, MaterialSheet, Phase, RunInfo, SceneResult, Score, Status, Timing
+from envbench.records import CellResult, Film, MaterialSheet, Phase, RunInfo, SceneResult, Score, Status, Study, Timing
 
 
 class Store:
@@ -105,6 +105,18 @@ class Store:
             self._db.execute("DELETE FROM material WHERE run_id = ? AND name = ?", (run_id, sheet.name))
             self._insert("material", {"run_id": run_id, "name": sheet.name, "sheet": asdict(sheet)})
 
+    def save_study(self, run_id: str, study: Study) -> None:
+        """Save a table that belongs to no scene and method; one of the same name is replaced."""
+        with self._transaction():
+            self._db.execute("DELETE FROM study WHERE run_id = ? AND name = ?", (run_id, study.name))
+            self._insert("study", {"run_id": run_id, "name": study.name, "study": asdict(study)})
+
+    def save_film(self, run_id: str, film: Film) -> None:
+        """Save an animation; one of the same name is replaced."""
+        with self._transaction():
+            self._db.execute("DELETE FROM animation WHERE run_id = ? AND name = ?", (run_id, film.name))
+            self._insert("animation", {"run_id": run_id, **{f.name: getattr(film, f.name) for f in fields(film)}})
+
     def finish(self, run_id: str, finished: str, wall_seconds: float, overhead_seconds: float) -> None:
         """Save how a run ended: `finished` is a time in ISO 8601."""
         with self._transaction():
@@ -165,7 +177,16 @@ class Store:
     def sheets(self, run_id: str) -> list[MaterialSheet]:
         """Return what is known of the run's materials, in the order in which they were saved."""
         rows = self._rows("SELECT sheet FROM material WHERE run_id = ? ORDER BY id", run_id)
-        return [_sheet(json.loads(row["sheet"])) for row in rows]
+        return [MaterialSheet(**_fields(json.loads(row["sheet"]))) for row in rows]
+
+    def studies(self, run_id: str) -> list[Study]:
+        """Return the studies of a run, in the order in which they were saved."""
+        rows = self._rows("SELECT study FROM study WHERE run_id = ? ORDER BY id", run_id)
+        return [Study(**_fields(json.loads(row["study"]))) for row in rows]
+
+    def films(self, run_id: str) -> list[Film]:
+        """Return the animations of a run, in the order in which they were saved."""
+        return [_film(row) for row in self._rows("SELECT * FROM animation WHERE run_id = ? ORDER BY id", run_id)]
 
     def finished_keys(self, run_id: str) -> set[str]:
         """Return the keys of all saved cells, whatever their status: what a resumed run need not repeat."""
@@ -229,12 +250,18 @@ def _scene(row: dict[str, Any]) -> SceneResult:
     return SceneResult(**row, image=image)
 
 
-def _sheet(row: dict[str, Any]) -> MaterialSheet:
-    return MaterialSheet(**{name: _tuples(value) for name, value in row.items()})
+def _fields(row: dict[str, Any]) -> dict[str, Any]:
+    return {name: _tuples(value) for name, value in row.items()}
 
 
 def _tuples(value: Any) -> Any:
     return tuple(map(_tuples, value)) if isinstance(value, list) else value
+
+
+def _film(row: dict[str, Any]) -> Film:
+    del row["id"], row["run_id"]
+    row |= {"notes": tuple(json.loads(row["notes"]))}
+    return Film(**_defined(row, "seconds"))
 
 
 def _score(row: dict[str, Any]) -> Score:

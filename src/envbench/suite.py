@@ -97,6 +97,64 @@ class Knob:
 
 
 @dataclass(frozen=True)
+class Animation:
+    """A mesh in motion, shaded by one method and drawn off screen; nothing of it is scored.
+
+    Attributes
+    ----------
+    light, material, geometry : str or table
+        Names, or tables of the animation's own.
+    method : dict
+        ``name`` and settings.
+    vary : str
+        A dotted path into the pose: ``"geometry.pose.time"``.
+    values : tuple
+        What it is at each frame; two at least.
+    direction, up : (3,)
+        Towards the viewer, far away; and what is upright in the picture.
+    size : int
+        Pixels a side.
+    fps : float
+        Frames a second.
+    """
+
+    name: str
+    vary: str
+    values: tuple[Any, ...]
+    light: str | dict[str, Any]
+    material: str | dict[str, Any]
+    geometry: str | dict[str, Any]
+    method: dict[str, Any]
+    direction: tuple[float, float, float] = (0.0, -1.0, 0.0)
+    up: tuple[float, float, float] = (0.0, 0.0, 1.0)
+    size: int = 320
+    fps: float = 12.0
+    optional: bool = False
+
+    def __post_init__(self) -> None:
+        if "/" in self.name or not self.name.strip():
+            raise BadInput(f"an animation's name must be words without '/'. Got {self.name!r} instead.")
+        if len(self.values) < 2:
+            raise BadInput(f"values must hold two frames at least. Got {list(self.values)} instead.")
+        if self.vary != "geometry.pose" and not self.vary.startswith("geometry.pose."):
+            raise BadInput(
+                f'vary must lead into the pose, as in "geometry.pose.time": the mesh at rest stays as it is. '
+                f"Got '{self.vary}' instead."
+            )
+        if not isinstance(self.method.get("name"), str):
+            raise BadInput(f"method must be a table with the name of a method. Got {self.method} instead.")
+        for key in ("direction", "up"):
+            if not 0 < sum(x * x for x in getattr(self, key)) < float("inf"):
+                raise BadInput(
+                    f"{key} must be a finite vector that is not zero. Got {list(getattr(self, key))} instead."
+                )
+        if not 16 <= self.size <= 2048:
+            raise BadInput(f"size must lie in [16, 2048] pixels. Got {self.size} instead.")
+        if not 0.1 <= self.fps <= 60:
+            raise BadInput(f"fps must lie in [0.1, 60] frames a second. Got {self.fps:g} instead.")
+
+
+@dataclass(frozen=True)
 class Survey:
     """Materials that are looked at by themselves: presets by name or glob (``"curet-*"``), beside the suite's own."""
 
@@ -150,6 +208,10 @@ class Suite:
         None: no sheet is made of any material.
     claims : tuple of Claim
         What the report judges by the run's measurements.
+    studies : tuple of str
+        Tables of the catalogue's that belong to no scene and method.
+    animations : tuple of Animation
+        Meshes in motion that the report shows.
     """
 
     name: str
@@ -165,6 +227,8 @@ class Suite:
     methods: tuple[dict[str, Any], ...] = ()
     claims: tuple[Claim, ...] = ()
     survey: Survey | None = None
+    studies: tuple[str, ...] = ()
+    animations: tuple[Animation, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -208,14 +272,19 @@ def parse(text: str, what: str, folder: Path = Path()) -> SuiteFile:
     grids = tuple(construct(Grid, entry, f"{what}: [[scenes]] {i + 1}") for i, entry in enumerate(scenes))
     turned = _tables(table.pop("knobs", []), what, "knobs")
     knobs = tuple(construct(Knob, entry, f"{what}: [[knobs]] {i + 1}") for i, entry in enumerate(turned))
-    twice = [knob.name for knob in knobs if sum(other.name == knob.name for other in knobs) > 1]
-    if twice:
-        raise BadInput(f"{what}: two [[knobs]] are called '{twice[0]}'; give each a name of its own.")
+    moved = _tables(table.pop("animations", []), what, "animations")
+    films = tuple(construct(Animation, entry, f"{what}: [[animations]] {i + 1}") for i, entry in enumerate(moved))
+    for key, named in {"knobs": knobs, "animations": films}.items():
+        names = [entry.name for entry in named]
+        twice = [name for name in names if names.count(name) > 1]
+        if twice:
+            raise BadInput(f"{what}: two [[{key}]] are called '{twice[0]}'; give each a name of its own.")
     said = _tables(table.pop("claims", []), what, "claims")
     claims = tuple(construct(Claim, entry, f"{what}: [[claims]] {i + 1}") for i, entry in enumerate(said))
     parts |= {
         "scenes": grids,
         "knobs": knobs,
+        "animations": films,
         "claims": claims,
         "methods": _tables(table.pop("methods", []), what, "methods"),
     }

@@ -11,6 +11,7 @@ import os
 import signal
 import sys
 import threading
+import time
 from dataclasses import dataclass, field, replace
 from multiprocessing.connection import Connection
 from typing import Any, cast
@@ -19,14 +20,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from envbench import furnace, llvm, metrics, root, timing
-from envbench.errors import BadInput, CannotRun
+from envbench.answers import checked, modulated
+from envbench.errors import BadInput, CannotRun, unknown
 from envbench.failures import failure
-from envbench.geometry import Points
+from envbench.film import film
 from envbench.grids import SceneSpec
-from envbench.messages import FirstPass, MakeReference, MakeSheet, Ready, Request, Round, Setup
+from envbench.messages import FirstPass, MakeFilm, MakeReference, MakeSheet, MakeStudy, Ready, Request, Round, Setup
 from envbench.method import Method, footprint
 from envbench.plan import CellSpec, remarks
-from envbench.records import CellResult, MaterialSheet, Phase, SceneResult, Status, Timing
+from envbench.records import CellResult, Film, MaterialSheet, Phase, SceneResult, Status, Study, Timing
 from envbench.reference import Reference, ReferenceSettings
 from envbench.scene import Scene
 from envbench.settings import plain
@@ -87,6 +89,9 @@ def _redirect_output(setup: Setup) -> None:
     faulthandler.enable(all_threads=False)
 
 
+Answer = SceneResult | CellResult | dict[Phase, float] | MaterialSheet | Study | Film
+
+
 @dataclass
 class Prepared:
     """What a method made of an asset: its state, the scene where it did, and what that took (first call, rounds)."""
@@ -110,7 +115,7 @@ class Desk:
     prepared: dict[str, Prepared] = field(default_factory=dict[str, Prepared])
     """By `CellSpec.identity`, for the material and shape of the scene: a further light finds it done."""
 
-    def answer(self, request: Request) -> SceneResult | CellResult | dict[Phase, float] | MaterialSheet:
+    def answer(self, request: Request) -> Answer:
         """Do what is asked."""
         match request:
             case MakeReference(spec):
@@ -121,6 +126,27 @@ class Desk:
                 return self.round(cell)
             case MakeSheet(name, material):
                 return self.bench.catalogue.sheet(name, material)
+            case MakeStudy(name):
+                self.clear()
+                return self.study(name)
+            case MakeFilm(animation):
+                self.clear()
+                return film(animation, self.bench.catalogue)
+
+    def clear(self) -> None:
+        """Forget scene, reference and prepared states: what follows needs none, and may need their memory."""
+        self.spec = self.scene = self.truth = None
+        self.prepared.clear()
+
+    def study(self, name: str) -> Study:
+        """Make a table of the catalogue's, timed."""
+        if name not in self.bench.catalogue.studies:
+            raise unknown("study", name, self.bench.catalogue.studies)
+        start = time.perf_counter()
+        study = self.bench.catalogue.studies[name]()
+        if not isinstance(study, Study):  # pyright: ignore[reportUnnecessaryIsInstance]
+            raise BadInput(f"study '{name}' must return a Study. Got {type(study).__name__} instead.")
+        return replace(study, name=name, seconds=time.perf_counter() - start)
 
     def open(self, spec: SceneSpec) -> tuple[Scene, Reference]:
         """Return a scene and its reference, after clearing the desk of any other, and of states of another asset."""
@@ -199,27 +225,6 @@ def render(method: Method, scene: Scene, known: Prepared | None = None) -> tuple
     framed, seconds[Phase.FRAME] = timing.timed(lambda: method.frame(relit, scene.viewer))
     values, seconds[Phase.SHADE] = timing.timed(lambda: modulated(method.shade(framed, scene.points), scene.points))
     return prepared, framed, values, seconds
-
-
-def modulated(answer: Any, points: Points) -> Any:
-    """Return what `shade` gave times the material's texture."""
-    if points.modulation is None or not isinstance(answer, np.ndarray) or answer.shape != points.modulation.shape:
-        return answer
-    return answer * points.modulation.astype(answer.dtype)
-
-
-def checked(answer: Any, count: int) -> NDArray[np.floating]:
-    """Return what `shade` gave if it is radiance (count, 3); raises `BadInput` saying what it is instead."""
-    if not isinstance(answer, np.ndarray):
-        raise BadInput(f"shade must return a NumPy array of shape ({count}, 3). Got {type(answer).__name__} instead.")
-    if answer.shape != (count, 3):
-        raise BadInput(f"shade must return shape ({count}, 3). Got {answer.shape} instead.")
-    if answer.dtype not in (np.float32, np.float64):
-        raise BadInput(f"shade must return float32 or float64. Got {answer.dtype} instead.")
-    bad = int((~np.isfinite(answer)).any(-1).sum())
-    if bad:
-        raise BadInput(f"shade must return finite radiance. Got NaN or infinity at {bad} of {count} points instead.")
-    return answer
 
 
 def image(values: NDArray[np.floating], scene: Scene) -> NDArray[np.float32] | None:

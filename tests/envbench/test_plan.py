@@ -182,6 +182,19 @@ def test_scenes_of_one_asset_are_carried_out_together_and_told_in_order(planned)
     assert [scene.position for scene in work.by_asset] == [0, 2, 1, 3]
 
 
+def test_studies_are_the_catalogues_each_once_and_need_no_scene(planned) -> None:
+    work = planned('studies = ["claimed-orders", "microfacet-orders", "claimed-orders"]', "")
+    assert (work.studies, work.cells) == (("claimed-orders", "microfacet-orders"), ())
+    assert planned(TWO, 'studies = ["claimed-orders"]\n' + SUITE).studies == ("claimed-orders",)
+    assert planned(TWO, 'studies = ["claimed-orders"]\n' + SUITE, methods=("own",)).studies == ()
+    with pytest.raises(
+        BadInput, match=r"unknown study 'orders': did you mean 'claimed-orders'\? Known: captured-energy"
+    ):
+        planned('studies = ["orders"]', "")
+    with pytest.raises(BadInput, match="studies must be a valid array"):
+        planned('studies = "claimed-orders"', "")
+
+
 def test_a_survey_is_of_presets_by_glob_and_of_what_the_scenes_use(planned) -> None:
     assert planned(TWO).survey == {}
     survey = planned(TWO, SUITE + '[survey]\nmaterials = ["phong*"]\n').survey

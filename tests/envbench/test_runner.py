@@ -19,7 +19,7 @@ import pytest
 
 from envbench import harmonics, root, session, suite
 from envbench.errors import BadInput
-from envbench.messages import Failure
+from envbench.messages import Failure, MakeStudy
 from envbench.plan import plan
 from envbench.progress import Lines
 from envbench.records import CellResult, Phase, RunInfo, SceneResult, Status
@@ -27,7 +27,7 @@ from envbench.runner import resumable
 from envbench.session import Options
 from envbench.store import Store
 from envbench.supervisor import Limits
-from tests.envbench.conftest import SCENE, UserFolder, forget
+from tests.envbench.conftest import SCENE, UserFolder, call, forget
 
 # Ctrl-C is ignored by what was started in the background, and so by the tests' children: they take it up again.
 LAUNCH = (
@@ -160,6 +160,42 @@ def test_a_reference_that_fails_fails_its_cells_only(user: UserFolder, monkeypat
     assert cells[SCENE].reason == "reference: the process was killed by SIGSEGV"
     assert cells["constant/lambertian/sphere/tiny"].status is Status.OK
     assert [scene.reference_key != "" for scene in scenes] == [False, True]
+
+
+def test_a_study_that_fails_stands_with_its_reason_and_nothing_is_made_twice(
+    user: UserFolder, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A name that only this process knows fails in the worker; the second is said to have killed it."""
+    from benchmarks.studies import STUDIES
+    from envbench.supervisor import Supervisor
+
+    asked: list[object] = []
+    ask = Supervisor.ask
+
+    def watched(self: Supervisor, request: object, seconds: float) -> object:
+        asked.append(request)
+        if request == MakeStudy("captured-energy"):
+            return Failure(Status.CRASHED, "the process was killed by SIGSEGV")
+        return ask(self, request, seconds)  # pyright: ignore[reportArgumentType]
+
+    monkeypatch.setattr(Supervisor, "ask", watched)
+    monkeypatch.setitem(STUDIES, "nowhere", STUDIES["claimed-orders"])
+    user.suite("tables", "", 'studies = ["nowhere", "captured-energy", "microfacet-orders"]')
+    store, cells = run(user, "tables")
+    with store:
+        (info,) = store.runs()
+        lost, crashed, made = store.studies(info.id)
+    assert (info.finished is not None, cells) == (True, {})
+    assert lost.reason.startswith("failed: BadInput: unknown study 'nowhere'")
+    assert crashed.reason == "crashed: the process was killed by SIGSEGV"
+    assert (made.name, made.reason, len(made.rows)) == ("microfacet-orders", "", 5)
+    assert made.seconds > 0
+    said = call("show", "--out", user.path / "out")[1]
+    assert "study 'captured-energy': no table, crashed: the process was killed" in said
+    assert "table 5; 5 rows, 9 of 10 comparisons hold" in said
+    assert len(asked) == 3
+    run(user, "tables", resume=True)[0].close()
+    assert len(asked) == 3
 
 
 def start(user: UserFolder, suite: str, *more: str) -> subprocess.Popen[str]:

@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 
 from envbench.errors import BadInput
-from envbench.records import CellResult, MaterialSheet, Phase, RunInfo, SceneResult, Score, Status, Timing
+from envbench.records import CellResult, Film, MaterialSheet, Phase, RunInfo, SceneResult, Score, Status, Study, Timing
 from envbench.schema import MIGRATIONS
 from envbench.store import Store
 
@@ -243,6 +243,39 @@ def test_sheets_come_back_as_saved(store):
     store.save_sheet(RUN.id, sheet)
     store.save_sheet(RUN.id, sheet)
     assert store.sheets(RUN.id) == [sheet]
+
+
+def test_studies_come_back_as_saved(store):
+    study = Study(
+        "orders", "Orders", "Beside table 5.", ("sigma (rad)", "F", "within 1", "source"),
+        ((0.1, 23, True, "a"), (math.inf, 11, np.bool_(False), None)), ("note",), 1.5,
+    )  # fmt: skip
+    gone = Study.missing("gone", "timed out: no answer within 9 s")
+    for saved in (gone, study, study):
+        store.save_study(RUN.id, saved)
+    assert all(
+        map(
+            same,
+            store.studies(RUN.id),
+            (gone, replace(study, rows=((0.1, 23, True, "a"), (math.inf, 11, False, None)))),
+        )
+    )
+    assert store.studies(RUN.id)[1].judged == (1, 2)
+    assert store.studies("no such run") == []
+
+
+def test_films_come_back_as_saved(store):
+    film = Film("bat", "shrm, light studio", "image/webp", bytes(range(256)), ("note",), 2.5)
+    gone = Film("gone", "as asked", reason="EGL is not usable")
+    for saved in (film, gone, film):
+        store.save_film(RUN.id, saved)
+    assert all(map(same, store.films(RUN.id), (gone, film)))
+    assert store.films("no such run") == []
+
+
+def test_a_study_has_an_entry_a_column():
+    with pytest.raises(BadInput, match=r"study 'odd': row 2 must have 2 entries, one a column. Got 1 instead."):
+        Study("odd", "", "", ("a", "b"), ((1, 2), (3,)))
 
 
 def test_a_migration_that_fails_leaves_the_store_as_it_was(store, path, monkeypatch):

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from envbench.records import CellResult, MaterialSheet, Phase, RunInfo, SceneResult, Score, Status, Timing
+from envbench.records import CellResult, Film, MaterialSheet, Phase, RunInfo, SceneResult, Score, Status, Study, Timing
 
 
 @dataclass(frozen=True)
@@ -22,6 +22,8 @@ class Records:
     scene_results: Sequence[SceneResult]
     cell_results: Sequence[CellResult]
     sheet_results: Sequence[MaterialSheet] = ()
+    study_results: Sequence[Study] = ()
+    film_results: Sequence[Film] = ()
 
     def run(self, ref: str) -> RunInfo:
         return self.info
@@ -34,6 +36,12 @@ class Records:
 
     def sheets(self, run_id: str) -> list[MaterialSheet]:
         return list(self.sheet_results)
+
+    def studies(self, run_id: str) -> list[Study]:
+        return list(self.study_results)
+
+    def films(self, run_id: str) -> list[Film]:
+        return list(self.film_results)
 
 
 class Synthetic:

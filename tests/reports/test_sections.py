@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import pytest
 
-from envbench.records import MaterialSheet, Score, Status
+from envbench.records import Film, MaterialSheet, Score, Status, Study
 from reports import render
 from reports.hard import hard_cases
 from reports.materials import materials
@@ -135,6 +135,37 @@ def test_curet_is_counted_beside_the_paper(make):
     assert "5 of 7 samples hold more than 90 %" in page.text
     assert "56 of 61" in page.text
     assert "57-peacock feather" in page.text
+
+
+def test_studies_are_tables_with_their_notes_or_reasons(make):
+    made = Study(
+        "orders", "Orders beside <table 5>", "Least P, then F.", ("sigma (rad)", "F", "within 1", "kind"),
+        ((0.123456, 17575, True, "whole"), (0.5, 4, False, None)), ("P = 3 is printed.",), 1.5,
+    )  # fmt: skip
+    gone = Study.missing("gone", "crashed: killed by SIGSEGV")
+    page = Page(render(replace(make.records([], []), study_results=[made, gone]), "latest"))
+    assert {"studies", "study-orders", "study-gone"} <= page.ids
+    assert "#studies" in page.references
+    assert ["sigma (rad)", "F", "within 1", "kind"] in page.rows
+    assert ["0.123", "17575", "holds", "whole"] in page.rows
+    assert ["0.500", "4", "differs", "–"] in page.rows
+    for words in ("Orders beside <table 5>", "Least P, then F.", "P = 3 is printed.", "No table: crashed: killed by"):
+        assert words in page.text
+    assert "studies" not in Page(render(make.records([], []), "latest")).ids
+
+
+def test_animations_are_pictures_with_captions_or_reasons(make):
+    film = Film(
+        "bat & wings", "irradiance-9, light studio; exposure +0.25 EV", "image/webp", b"RIFF", ("Not simulated",)
+    )
+    gone = Film("gone", "as asked", reason="EGL is not usable: apt install libegl1")
+    page = Page(render(replace(make.records([], []), film_results=[film, gone]), "latest"))
+    assert "animations" in page.ids
+    assert "#animations" in page.references
+    assert "data:image/webp;base64,UklGRg==" in page.references
+    for words in ("bat & wings", "light studio; exposure +0.25 EV", "Not simulated", "Left out: EGL is not usable"):
+        assert words in page.text
+    assert "animations" not in Page(render(make.records([], []), "latest")).ids
 
 
 def test_the_glance_names_winners_by_situation(make):

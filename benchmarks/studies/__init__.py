@@ -1,0 +1,103 @@
+"""Studies by name: tables that belong to no scene and method. A suite asks for them by ``studies = [...]``.
+
+A study is a function without arguments that returns an `envbench.records.Study`. It is registered here by a function
+of its own, whose docstring is what `envbench list studies` prints, and which imports only when it is called.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from envbench.records import Study
+
+
+def _microfacet_orders() -> Study:
+    """Least SHRM orders of the simplified microfacet beside table 5 of RH 2002."""
+    from benchmarks.studies import orders
+
+    return orders.microfacet_orders()
+
+
+def _captured_energy() -> Study:
+    """Energy of the simplified microfacet that F = 30 holds by P, beside what is known of it and a product rule."""
+    from benchmarks.studies import orders
+
+    return orders.captured_energy()
+
+
+def _claimed_orders() -> Study:
+    """What Lafortune's skin and Kajiya and Kay's hair lose at the orders that RH 2002 claims."""
+    from benchmarks.studies import orders
+
+    return orders.claimed_orders()
+
+
+def _zonal_random_vectors() -> Study:
+    """Error of random SH vectors as sums of zonal lobes, beside figure 2 of Sloan, Luna and Snyder 2005."""
+    from benchmarks.studies import zonal_fits
+
+    return zonal_fits.random_vectors()
+
+
+def _zonal_head() -> Study:
+    """Error and time of the zonal fit of a head's transfer, beside figure 3 and SciPy's BFGS."""
+    from benchmarks.studies import zonal_fits
+
+    return zonal_fits.head_fit()
+
+
+def _glossy_head() -> Study:
+    """Errors of glossy transfer on a head by rows and lobes, beside figure 4."""
+    from benchmarks.studies import zonal_fits
+
+    return zonal_fits.glossy_head()
+
+
+def _transfer_agreement() -> Study:
+    """Simulated transfer against Mitsuba's rendering under band-limited lights."""
+    from benchmarks.studies import error_budget
+
+    return error_budget.transfer_agreement()
+
+
+def _error_budget() -> Study:
+    """Each cause of LDPRT's error on a bent head by itself, and all together against the whole."""
+    from benchmarks.studies import error_budget
+
+    return error_budget.error_budget()
+
+
+def _sh_rotation() -> Study:
+    """Products and exactness of SH rotation by zxzxz, beside the printed table."""
+    from benchmarks.studies import turning
+
+    return turning.sh_rotation()
+
+
+def _thin_membrane() -> Study:
+    """The thin membrane's coefficients against their integral."""
+    from benchmarks.studies import turning
+
+    return turning.thin_membrane()
+
+
+def _shading() -> Study:
+    """Times and errors of each way to shade a deforming head's points."""
+    from benchmarks.studies import turning
+
+    return turning.shading()
+
+
+STUDIES: dict[str, Callable[[], Study]] = {
+    "microfacet-orders": _microfacet_orders,
+    "captured-energy": _captured_energy,
+    "claimed-orders": _claimed_orders,
+    "zonal-random-vectors": _zonal_random_vectors,
+    "zonal-head": _zonal_head,
+    "glossy-head": _glossy_head,
+    "transfer-agreement": _transfer_agreement,
+    "sh-rotation": _sh_rotation,
+    "thin-membrane": _thin_membrane,
+    "shading": _shading,
+    "error-budget": _error_budget,
+}
