@@ -45,15 +45,22 @@ class _Queries(ABC):
                 " instead."
             )
         exponent = (self.count - 1).bit_length()
-        dimensions = 4 if self.direction is None else 2
-        u = qmc.Sobol(dimensions, scramble=True, rng=self.seed).random_base2(exponent)[: self.count]
-        if self.direction is None:
-            view, viewer = from_angles(np.arccos(1 - 2 * u[:, 2]), 2 * np.pi * u[:, 3]), None
+        u = qmc.Sobol(5, scramble=True, rng=self.seed).random_base2(exponent)[: self.count]
+        azimuth, weight = 2 * np.pi * u[:, 1], equal(self.count)
+        if self.direction is not None:
+            view = np.tile(self.direction, (self.count, 1))
+            normal = self._normal(u[:, 0], azimuth, view)
         else:
-            view, viewer = np.tile(self.direction, (self.count, 1)), Viewer(direction=self.direction)
-        normal = self._normal(u[:, 0], 2 * np.pi * u[:, 1], view)
-        spot = Spots(normal, normal, normal, perpendicular(normal), uv=sphere_uv(normal))
-        return Points(**spot.of(), view=view, weight=equal(self.count)), viewer
+            normal, view, weight = self._free(u[:, 0], azimuth, u[:, 2], 2 * np.pi * u[:, 3])
+        tangent = _about(normal, np.full(self.count, np.pi / 2), 2 * np.pi * u[:, 4])
+        spot = Spots(normal, normal, normal, tangent, uv=sphere_uv(normal))
+        viewer = None if self.direction is None else Viewer(direction=self.direction)
+        return Points(**spot.of(), view=view, weight=weight), viewer
+
+    def _free(self, u: Array, azimuth: Array, v: Array, around: Array) -> tuple[Array, Array, Array]:
+        """Map four numbers to normals, views of their own (here uniform, from `v` and `around`) and weights."""
+        view = from_angles(np.arccos(1 - 2 * v), around)
+        return self._normal(u, azimuth, view), view, equal(self.count)
 
     @abstractmethod
     def _normal(self, u: Array, azimuth: Array, view: Array) -> Array:
@@ -62,9 +69,36 @@ class _Queries(ABC):
 
 @dataclass(frozen=True, kw_only=True)
 class Uniform(_Queries):
-    """R uniform over the sphere, independent of V: what captured energy averages over (RH 2002, sec. 5)."""
+    """R uniform over the sphere, independent of V: what captured energy averages over (RH 2002, sec. 5).
+
+    Attributes
+    ----------
+    grazing : float
+        Share of the points, in [0, 1), that ask about views near grazing more often, at less weight: there clipped
+        lobes and Fresnel peaks err most, and few of independent views would show it. Uniform R and V have the density
+        2 c of c = N.V; this share has c itself uniform.
+    """
 
     kind = "uniform"
+
+    grazing: float = 0.0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not isinstance(self.grazing, int | float) or not 0 <= self.grazing < 1:
+            raise BadInput(f"grazing must be a share in [0, 1). Got {self.grazing!r} instead.")
+        if self.grazing and self.direction is not None:
+            raise BadInput("grazing is for queries with a view of their own each; leave it out, or the direction.")
+
+    def _free(self, u: Array, azimuth: Array, v: Array, around: Array) -> tuple[Array, Array, Array]:
+        g = self.grazing  # the density is 2 (1 - g) c + g, its integral (1 - g) c^2 + g c
+        cosine = np.maximum((np.sqrt(g * g + 4 * (1 - g) * v) - g) / (2 * (1 - g)), 1e-9)
+        reflection = from_angles(np.arccos(1 - 2 * u), azimuth)
+        view = _about(reflection, 2 * np.arccos(cosine), around)
+        # N is half way, and N = cos(theta_o / 2) R + sin(theta_o / 2) X where V = cos(theta_o) R + sin(theta_o) X
+        normal = _about(reflection, np.arccos(cosine), around)
+        weight = 2 * cosine / (2 * (1 - g) * cosine + g)
+        return normal, view, weight / weight.sum()
 
     def _normal(self, u: Array, azimuth: Array, view: Array) -> Array:
         return normalised(from_angles(np.arccos(1 - 2 * u), azimuth) + view)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -32,6 +33,11 @@ class Expanded:
     def order(self) -> int:
         """The highest F."""
         return max(c.F for c in self.sums)
+
+    @cached_property
+    def followed(self) -> tuple[predictions.Followed, ...]:
+        """The lobes beyond their orders, for predictions under any light."""
+        return predictions.follow(self.material, self.parts)
 
     def stored(self, part: LobeCoefficients) -> int:
         """Return which of `sums` a part is in: it stands there itself, or as all of its centre."""
@@ -98,7 +104,7 @@ class Expansion(Method):
         """The four theories of `methods.shrm.predictions`."""
         held = self.expansion(prepared)
         lookups = [self.lookup(prepared, held.stored(part)) for part in held.parts]
-        return predictions.predict(held.material, held.parts, environment, lookups)
+        return predictions.predict(held.followed, environment, lookups)
 
     def describe(self, prepared: Any) -> dict[str, Any]:
         held = self.expansion(prepared)

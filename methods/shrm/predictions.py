@@ -36,7 +36,7 @@ TAIL = 0.05
 
 
 @dataclass(frozen=True)
-class _Followed:
+class Followed:
     """A lobe well beyond its orders, reflectance included: `r` (3, n_o, l, q), `left_out` alike, energies (3, l).
 
     `beyond` (3,) is the energy in no degree that is followed; n_o is 1 where nothing depends on the view.
@@ -57,9 +57,12 @@ class _Followed:
         return self.energy[:, self.kept.F + 1 :].sum(1) + self.beyond
 
 
-def predict(
-    material: Material, parts: Sequence[LobeCoefficients], environment: Environment, lookups: Sequence[Lookup]
-) -> dict[str, float]:
+def follow(material: Material, parts: Sequence[LobeCoefficients]) -> tuple[Followed, ...]:
+    """Return each lobe of a material well beyond the orders to which its part is kept: what every light shares."""
+    return tuple(_follow(lobe, kept) for lobe, kept in zip(material.lobes, parts, strict=True))
+
+
+def predict(followed: Sequence[Followed], environment: Environment, lookups: Sequence[Lookup]) -> dict[str, float]:
     """Return the predicted energy error by each theory.
 
     =========================  ======================================================================================
@@ -69,9 +72,8 @@ def predict(
     BRDF weighed by the light  the missing energy of each degree by the light's power there, and lookup's own error
     =========================  ======================================================================================
     """
-    followed = [_follow(lobe, kept) for lobe, kept in zip(material.lobes, parts, strict=True)]
     power = light_power(environment, max(f.r.shape[2] - 1 for f in followed))
-    total = sum(p.total for p in parts)
+    total = sum(f.kept.total for f in followed)
     light = _light_energy(environment)
     unlit = [1 - _ratio(power[:, : f.kept.F + 1].sum(), light.sum()) for f in followed]
     least = sum(
@@ -80,7 +82,7 @@ def predict(
         if f.kept.total
     )
     return {
-        "captured BRDF energy": _ratio(sum(p.missing * p.total for p in parts), total),
+        "captured BRDF energy": _ratio(sum(f.kept.missing * f.kept.total for f in followed), total),
         "least of light and BRDF": _ratio(least, total),
         "residual energy": _residual(followed, power, light),
         "BRDF weighed by the light": _weighed(followed, power, lookups),
@@ -105,7 +107,7 @@ def _light_energy(environment: Environment) -> Array:
     return (f * smooth * latlong.solid_angles(*f.shape[:2])[..., None]).sum((0, 1))
 
 
-def _follow(lobe: Lobe, kept: LobeCoefficients) -> _Followed:
+def _follow(lobe: Lobe, kept: LobeCoefficients) -> Followed:
     reflectance = kept.reflectance
     most = min(max(4 * kept.F, 127), MAX_F)
     order = min(max(2 * kept.F + 1, 31), most)
@@ -124,10 +126,10 @@ def _follow(lobe: Lobe, kept: LobeCoefficients) -> _Followed:
     left_out = seen.r.copy()
     left_out[:, :, : kept.F + 1, : kept.Q + 1] -= stored
     r, left_out = (np.broadcast_to(a, (3, *a.shape[1:])) * scale[..., None, None] for a in (seen.r, left_out))
-    return _Followed(lobe.centre, kept, seen.cosines, seen.weights, r, left_out, energy, beyond)
+    return Followed(lobe.centre, kept, seen.cosines, seen.weights, r, left_out, energy, beyond)
 
 
-def _residual(followed: Sequence[_Followed], power: Array, light: Array) -> float:
+def _residual(followed: Sequence[Followed], power: Array, light: Array) -> float:
     """eps_B <= B_res / (sum_l<=F |B|^2 + B_res), B_res = Lambda_(F+1)^2 (eps_L L_tot) (eps_rho rho_tot)."""
     residual, held = 0.0, 0.0
     for f in followed:
@@ -169,7 +171,7 @@ class _Pooled:
         return np.einsum("colq,o,q->cl", bands**2, self.density, _multiplicity(bands), optimize=True)
 
 
-def _weighed(followed: Sequence[_Followed], power: Array, lookups: Sequence[Lookup]) -> float:
+def _weighed(followed: Sequence[Followed], power: Array, lookups: Sequence[Lookup]) -> float:
     order = power.shape[1] - 1
     per_degree = power / (2 * np.arange(order + 1) + 1)
     last = per_degree[:, -max(order // 8, 1) :].mean(1)  # what lies beyond the degrees that are followed meets this
@@ -188,7 +190,7 @@ def _weighed(followed: Sequence[_Followed], power: Array, lookups: Sequence[Look
     return _ratio(lost, total)
 
 
-def _pool(read: Sequence[tuple[_Followed, Lookup]], order: int) -> _Pooled:
+def _pool(read: Sequence[tuple[Followed, Lookup]], order: int) -> _Pooled:
     lobes = [f for f, _ in read]
     finest = max(lobes, key=lambda f: len(f.cosines))
     shape = (3, len(finest.cosines), order + 1, max(f.r.shape[3] for f in lobes))

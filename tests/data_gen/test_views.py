@@ -212,7 +212,19 @@ def test_what_faces_away_is_left_out_and_counted(tmp_path: Path) -> None:
 
 def test_the_tangent_is_a_perpendicular() -> None:
     points, _ = build({"kind": "uniform", "count": 16}, SPHERE)
-    np.testing.assert_array_equal(points.tangent, perpendicular(points.normal))
+    np.testing.assert_allclose(np.sum(points.tangent * points.normal, axis=1), 0, atol=1e-12)
+
+
+def test_grazing_views_are_asked_about_more_at_less_weight() -> None:
+    """Weighed, N.V has the density 2 c still; its own is c + 1/2, of mean 7 / 12. Weights there fall to nothing."""
+    points, _ = build({"kind": "uniform", "count": 4096, "grazing": 0.5}, SPHERE)
+    check_unit(points)
+    c = np.sum(points.normal * points.view, axis=1)
+    assert points.weight.sum() == pytest.approx(1)
+    assert points.weight @ c == pytest.approx(2 / 3, abs=2e-3)
+    assert points.weight @ c**4 == pytest.approx(1 / 3, abs=2e-3)
+    assert c.mean() == pytest.approx(7 / 12, abs=2e-3)
+    assert np.abs(points.weight @ points.view).max() < 0.02
 
 
 @pytest.mark.parametrize(
@@ -221,6 +233,8 @@ def test_the_tangent_is_a_perpendicular() -> None:
         ({"kind": "uniform", "count": 0}, r"count must be an integer in \[1, 16777216\]. Got 0 instead."),
         ({"kind": "uniform", "seed": 1.5}, "seed must be an integer"),
         ({"kind": "unifrom"}, "did you mean 'uniform'"),
+        ({"kind": "uniform", "grazing": 1}, "grazing must"),
+        ({"kind": "uniform", "grazing": 0.5, "direction": [0, 0, 1]}, "a view of their own each"),
         ({"kind": "uniform", "cuont": 4}, "did you mean 'count'"),
         ({"kind": "uniform", "direction": [0, 0, 0]}, "direction must not be zero"),
         ({"kind": "cap", "reflection": [0, 0, 0]}, "reflection must not be zero"),
