@@ -11,6 +11,9 @@ from numpy.typing import NDArray
 
 from envbench import llvm
 
+_ALIGNMENT = 64
+"""Bytes: of the widest vectors, and of a line of the cache."""
+
 
 def points_last(values: NDArray[np.floating]) -> NDArray[np.float32]:
     """Return values (V, ...) as (..., V), in single precision and contiguous."""
@@ -19,11 +22,31 @@ def points_last(values: NDArray[np.floating]) -> NDArray[np.float32]:
 
 
 def floats(values: NDArray[np.float32]) -> list[Any]:
-    """Return arrays (..., V) as nested lists of ``Float``."""
+    """Return arrays (..., V) as nested lists of ``Float``.
+
+    Dr.Jit takes NumPy's memory as it is, and compiles whether each array of it is aligned: rows that lie now so, now
+    otherwise would be compiled again at every call. So all are laid out aligned.
+    """
     llvm.find()
+    return _nested(_aligned(values))
+
+
+def _nested(values: NDArray[np.float32]) -> list[Any]:
     from drjit.llvm import Float
 
-    return [Float(row) if row.ndim == 1 else floats(row) for row in values]
+    return [Float(row) if row.ndim == 1 else _nested(row) for row in values]
+
+
+def _aligned(values: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return the same values with every row at a multiple of `_ALIGNMENT` bytes."""
+    rows, count = prod(values.shape[:-1]), values.shape[-1]
+    step = _ALIGNMENT // values.itemsize
+    width = -(-count // step) * step
+    memory = np.empty(rows * width + step, np.float32)
+    first = -memory.ctypes.data % _ALIGNMENT // values.itemsize
+    laid = memory[first : first + rows * width].reshape(*values.shape[:-1], width)[..., :count]
+    laid[...] = values
+    return laid
 
 
 def three(channels: Sequence[Any]) -> Any:

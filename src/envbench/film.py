@@ -62,7 +62,7 @@ def _shaded(spec: AnimationSpec, catalogue: Catalogue) -> tuple[list[TriangleMes
         if not meshes:
             prepared = method.prepare(scene.material, scene.geometry.rest)
             relit = method.relight(prepared, scene.environment)
-            effects = sorted(effect.value for effect in scene.effects - method.simulates)
+            effects = sorted(effect.value for effect in method.lacks(scene))
             lacks = (f"Not simulated: {', '.join(effects)}.",) if effects else ()
         answer = modulated(method.shade(method.frame(relit, scene.viewer), scene.points), scene.points)
         mesh = scene.geometry.posed.mesh
