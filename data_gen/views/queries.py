@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -85,7 +85,8 @@ class Uniform(_Queries):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if not isinstance(self.grazing, int | float) or not 0 <= self.grazing < 1:
+        given: Any = self.grazing  # it comes from TOML
+        if not isinstance(given, int | float) or not 0 <= given < 1:
             raise BadInput(f"grazing must be a share in [0, 1). Got {self.grazing!r} instead.")
         if self.grazing and self.direction is not None:
             raise BadInput("grazing is for queries with a view of their own each; leave it out, or the direction.")
