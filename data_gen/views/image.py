@@ -123,5 +123,5 @@ def _meet_mesh(mesh: TriangleMesh, origins: Array, rays: Array) -> tuple[NDArray
     ray = mi.Ray3f(mi.Point3f(origins.T.astype(np.float32)), mi.Vector3f(rays.T.astype(np.float32)))
     found = scene.ray_intersect_preliminary(ray, coherent=True)
     hit = np.array(found.is_valid())
-    v, w = np.array(found.prim_uv, dtype=float)[:, hit]
+    v, w = np.array(found.prim_uv)[:, hit].astype(float)  # of rays that miss it holds anything
     return hit, np.array(found.prim_index)[hit].astype(np.int32), np.stack([1 - v - w, v, w], axis=1)

@@ -52,8 +52,7 @@ class _Queries(ABC):
             normal = self._normal(u[:, 0], azimuth, view)
         else:
             normal, view, weight = self._free(u[:, 0], azimuth, u[:, 2], 2 * np.pi * u[:, 3])
-        tangent = _about(normal, np.full(self.count, np.pi / 2), 2 * np.pi * u[:, 4])
-        spot = Spots(normal, normal, normal, tangent, uv=sphere_uv(normal))
+        spot = Spots(normal, normal, normal, self._tangent(normal, 2 * np.pi * u[:, 4]), uv=sphere_uv(normal))
         viewer = None if self.direction is None else Viewer(direction=self.direction)
         return Points(**spot.of(), view=view, weight=weight), viewer
 
@@ -62,6 +61,10 @@ class _Queries(ABC):
         view = from_angles(np.arccos(1 - 2 * v), around)
         return self._normal(u, azimuth, view), view, equal(self.count)
 
+    def _tangent(self, normal: Array, azimuth: Array) -> Array:
+        """Return tangents; hard places keep one that is exact in single precision, whatever the azimuth."""
+        return perpendicular(normal)
+
     @abstractmethod
     def _normal(self, u: Array, azimuth: Array, view: Array) -> Array:
         """Map a uniform number (n,) and an azimuth (n,) to the normals seen from `view` (n, 3)."""
@@ -69,7 +72,7 @@ class _Queries(ABC):
 
 @dataclass(frozen=True, kw_only=True)
 class Uniform(_Queries):
-    """R uniform over the sphere, independent of V: what captured energy averages over (RH 2002, sec. 5).
+    """R uniform over the sphere, independent of V, and T about N: what captured energy averages over (RH 2002, sec. 5).
 
     Attributes
     ----------
@@ -100,6 +103,9 @@ class Uniform(_Queries):
         normal = _about(reflection, np.arccos(cosine), around)
         weight = 2 * cosine / (2 * (1 - g) * cosine + g)
         return normal, view, weight / weight.sum()
+
+    def _tangent(self, normal: Array, azimuth: Array) -> Array:
+        return _about(normal, np.full(len(normal), np.pi / 2), azimuth)
 
     def _normal(self, u: Array, azimuth: Array, view: Array) -> Array:
         return normalised(from_angles(np.arccos(1 - 2 * u), azimuth) + view)
