@@ -6,7 +6,9 @@ sqrt(3 / (4 pi)) times -y, z and -x, at m = -1, 0 and 1. The real ones are ortho
 
 from __future__ import annotations
 
+from functools import lru_cache
 from math import pi, sqrt
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,22 +32,36 @@ def basis(order: int, direction: Array) -> Array:
     [0.2821, -0.0, 0.4886, -0.0]
     """
     x, y, z = direction.tolist() if direction.ndim == 1 else direction.T
-    out = np.empty(((order + 1) ** 2, *direction.shape[:-1]))
-    first, real, imaginary = sqrt(1 / (4 * pi)), 1.0, 0.0
+    out: list[Any] = [None] * (order + 1) ** 2
+    real, imaginary = 1.0, 0.0
+    for q, (first, steps) in enumerate(_recurrence(order)):
+        if q:
+            real, imaginary = real * x - imaginary * y, real * y + imaginary * x
+        a, below, at = first, 0.0, q * q + q
+        for l, (up, down) in enumerate(steps, q):
+            if l > q:
+                a, below, at = up * z * a - down * below, a, at + 2 * l
+            if q == 0:
+                out[at] = a if direction.ndim == 1 else a + 0 * z
+            else:
+                out[at + q], out[at - q] = a * real, a * imaginary
+    return np.array(out)
+
+
+@lru_cache(maxsize=32)
+def _recurrence(order: int) -> tuple[tuple[float, tuple[tuple[float, float], ...]], ...]:
+    """Return for each q the harmonic of degree q, by (x + i y)^q, and by degree the two factors of the next."""
+    found: list[tuple[float, tuple[tuple[float, float], ...]]] = []
+    first = sqrt(1 / (4 * pi))
     for q in range(order + 1):
         if q:
             first *= -sqrt((2 * q + 1) / (2 * q))
-            real, imaginary = real * x - imaginary * y, real * y + imaginary * x
-        a, below = first, 0.0
-        for l in range(q, order + 1):
-            if l > q:
-                step = z * a - sqrt(((l - 1) ** 2 - q**2) / abs(4 * (l - 1) ** 2 - 1)) * below
-                a, below = sqrt((4 * l**2 - 1) / (l**2 - q**2)) * step, a
-            if q == 0:
-                out[l * l + l] = a
-            else:
-                out[l * l + l + q], out[l * l + l - q] = sqrt(2) * a * real, sqrt(2) * a * imaginary
-    return out
+        steps = [(0.0, 0.0)]
+        for l in range(q + 1, order + 1):
+            up = sqrt((4 * l**2 - 1) / (l**2 - q**2))
+            steps.append((up, up * sqrt(((l - 1) ** 2 - q**2) / abs(4 * (l - 1) ** 2 - 1))))
+        found.append((first * (sqrt(2) if q else 1), tuple(steps)))
+    return tuple(found)
 
 
 def project(radiance: NDArray[np.floating], order: int) -> Array:
