@@ -5,12 +5,13 @@ from __future__ import annotations
 import copy
 import itertools
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 from envbench.catalogue import Catalogue, Spec
 from envbench.errors import BadInput, unknown
+from envbench.reference import ReferenceSettings
 from envbench.root import Workbench
 from envbench.scene import Effect, Scene, told
 from envbench.suite import Grid, Knob, Suite
@@ -54,6 +55,7 @@ class SceneSpec:
     turn: Turn | None = None
     position: int = field(default=0, compare=False)
     effects: tuple[Effect, ...] | None = None
+    floor: float | None = None
 
     @property
     def name(self) -> str:
@@ -73,6 +75,10 @@ class SceneSpec:
         step = {} if turn is None else {"knob": turn.knob, "step": turn.step, "setting": turn.setting}
         return {"position": self.position, **step}
 
+    def reference(self, settings: ReferenceSettings) -> ReferenceSettings:
+        """Return the settings of ground truth with the floor that the scene asks for, if it does."""
+        return settings if self.floor is None else replace(settings, floor=self.floor)
+
     def build(self, catalogue: Catalogue) -> Scene:
         """Build the scene; raises `BadInput`."""
         return catalogue.scene(name=self.name, effects=self.effects, **self.specs)
@@ -85,7 +91,7 @@ def expand(grid: Grid, suite: Suite, bench: Workbench) -> Iterator[SceneSpec]:
     found = {kind: {name: look_up(kind, name, suite, bench) for name in names} for kind, names in axes.items()}
     for names in itertools.product(*axes.values()):
         specs = {kind: found[kind][name] for kind, name in zip(axes, names, strict=True)}
-        yield SceneSpec(*names, specs=specs, effects=effects)
+        yield SceneSpec(*names, specs=specs, effects=effects, floor=grid.floor)
 
 
 def steps(knob: Knob, suite: Suite, bench: Workbench, what: str = "knob") -> Iterator[SceneSpec]:

@@ -142,7 +142,7 @@ def plan(suite: SuiteFile, bench: Workbench, *, scenes: Sequence[str] = (), meth
             absent.setdefault(str(error), []).append(spec.name)
             continue
         notes.update(dict.fromkeys(remarks(scene)))
-        content = _content(scene, suite.reference)
+        content = _content(scene, spec.reference(suite.reference))
         for choice in chosen:
             key = hashlib.sha256("\0".join((*content, choice.identity)).encode()).hexdigest()
             cells.append(CellSpec(key, spec, choice.method, choice.settings, choice.identity))
@@ -234,5 +234,6 @@ def _content(scene: Scene, reference: ReferenceSettings) -> tuple[str, ...]:
 def overridden(suite: SuiteFile, *, floor: float | None, variant: str | None, rounds: int | None) -> SuiteFile:
     """Return the suite with what the command line overrides."""
     changes = {k: v for k, v in {"floor": floor, "variant": variant}.items() if v is not None}
+    grids = suite.scenes if floor is None else tuple(replace(grid, floor=None) for grid in suite.scenes)
     timing = suite.timing if rounds is None else replace(suite.timing, rounds=rounds)
-    return replace(suite, reference=replace(suite.reference, **changes), timing=timing)
+    return replace(suite, reference=replace(suite.reference, **changes), timing=timing, scenes=grids)

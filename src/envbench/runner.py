@@ -268,7 +268,8 @@ def _without_reference(spec: SceneSpec, plan: Plan, failure: Failure) -> SceneRe
     return SceneResult(
         name=spec.name, light=spec.light, material=spec.material, geometry=spec.geometry, view=spec.view,
         specs=plain(spec.meaning), effects=(), points=0, reference_key="", reference_floor=nothing,
-        reference_target=plan.reference.floor, reference_samples=0, reference_replicates=0, reference_seconds=0.0,
+        reference_target=spec.reference(plan.reference).floor, reference_samples=0, reference_replicates=0,
+        reference_seconds=0.0,
         reference_from_cache=False, reference_rms=nothing, notes=(failure.reason,),
         **spec.place(),
     )  # fmt: skip

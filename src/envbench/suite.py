@@ -51,6 +51,8 @@ class Grid:
         Leave out, with a note, the scenes whose files of data are absent, instead of refusing to begin.
     effects : tuple of Effect or None
         What ground truth simulates here; None is all that the scene's facts call for.
+    floor : float or None
+        Noise floor of ground truth here; None is that of ``[reference]``.
     """
 
     lights: tuple[str, ...]
@@ -60,6 +62,11 @@ class Grid:
     methods: tuple[str, ...] | None = None
     optional: bool = False
     effects: tuple[Effect, ...] | None = None
+    floor: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.floor is not None:
+            ReferenceSettings(floor=self.floor)  # which says what is wrong with it
 
 
 @dataclass(frozen=True)

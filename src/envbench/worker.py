@@ -156,7 +156,7 @@ class Desk:
             scene = spec.build(self.bench.catalogue)
             if asset != (scene.material.key, scene.geometry.rest.key):
                 self.prepared.clear()
-            truth = self.bench.catalogue.reference(scene, self.settings, self.setup.cache)
+            truth = self.bench.catalogue.reference(scene, spec.reference(self.settings), self.setup.cache)
             _ = scene.points.reflection  # part of the queries: no method pays for it
             self.spec, self.scene, self.truth = spec, scene, truth
         return self.scene, self.truth

@@ -225,3 +225,19 @@ def test_effects_that_a_suite_chooses_set_a_scene_apart(planned) -> None:
 def test_effects_that_make_no_sense(planned, effects: str, named: str) -> None:
     with pytest.raises(BadInput, match=named):
         planned('[[methods]]\nname = "own"\n', SUITE.replace("[[scenes]]", f"[[scenes]]\neffects = {effects}"))
+
+
+def test_a_grid_may_ask_for_a_floor_of_its_own(planned) -> None:
+    """It is part of a cell's key; the command line's floor is that of all."""
+    methods = '[[methods]]\nname = "own"'
+    usual, finer = (
+        planned(methods, SUITE.replace("[[scenes]]", "[[scenes]]\n" + line)) for line in ("", "floor = 0.002")
+    )
+    assert {spec.reference(finer.reference).floor for spec in finer.scenes} == {0.002}
+    assert {cell.key for cell in usual.cells}.isdisjoint(cell.key for cell in finer.cells)
+    with pytest.raises(BadInput, match="floor"):
+        planned(methods, SUITE.replace("[[scenes]]", "[[scenes]]\nfloor = 0.0"))
+    asked = overridden(
+        suite.parse("[[scenes]]\nlights = []\nmaterials = []\nfloor = 0.1", "s"), floor=0.5, variant=None, rounds=None
+    )
+    assert asked.scenes[0].floor is None
