@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import base64
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from envbench.records import Study
+from envbench.records import Picture, Study
 from reports.numerals import three
 from reports.table import Entry
 
@@ -14,11 +15,12 @@ NONE = "–"
 
 @dataclass(frozen=True)
 class StudyTable:
-    """A study: its headings, each with whether a column is of numbers, and the entries row by row."""
+    """A study: its headings, each with whether a column is of numbers, entries row by row, pictures with their URIs."""
 
     study: Study
     headings: tuple[tuple[str, bool], ...]
     rows: tuple[tuple[Entry, ...], ...]
+    pictures: tuple[tuple[Picture, str], ...] = ()
 
 
 def studies(found: Sequence[Study]) -> tuple[StudyTable, ...]:
@@ -29,7 +31,8 @@ def studies(found: Sequence[Study]) -> tuple[StudyTable, ...]:
 def _table(study: Study) -> StudyTable:
     numbers = [all(not isinstance(row[i], str | bool) for row in study.rows) for i in range(len(study.columns))]
     rows = tuple(tuple(map(entry, row)) for row in study.rows)
-    return StudyTable(study, tuple(zip(study.columns, numbers, strict=True)), rows)
+    pictures = tuple((one, f"data:image/png;base64,{base64.b64encode(one.png).decode()}") for one in study.pictures)
+    return StudyTable(study, tuple(zip(study.columns, numbers, strict=True)), rows, pictures)
 
 
 def entry(value: str | float | int | bool | None) -> Entry:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from envbench.errors import BadInput
+from envbench.scene import Decision
 
 
 class Status(StrEnum):
@@ -132,6 +133,8 @@ class SceneResult:
     """The knob's value at this step, as text."""
     position: int = 0
     """Place in the plan; scenes are carried out in the order that prepares each asset once."""
+    decisions: tuple[Decision, ...] = ()
+    """Why each effect is simulated, or is not."""
     image: NDArray[np.float32] | None = None
     """(H, W, 3) reference mean where the points form an image; NaN where there is no point."""
 
@@ -171,6 +174,15 @@ class MaterialSheet:
 
 
 @dataclass(frozen=True)
+class Picture:
+    """A picture that belongs to a study: PNG, with what it shows, its tone mapping and its scale in the caption."""
+
+    name: str
+    caption: str
+    png: bytes = field(repr=False)
+
+
+@dataclass(frozen=True)
 class Study:
     """A table that belongs to no scene and method, e.g. what a paper prints beside the same recomputed.
 
@@ -188,6 +200,8 @@ class Study:
         What making it took; NaN until it was measured.
     reason : str
         Why there is no table; empty where there is one.
+    pictures : tuple of Picture
+        Shown under the table.
     """
 
     name: str
@@ -198,6 +212,7 @@ class Study:
     notes: tuple[str, ...] = ()
     seconds: float = float("nan")
     reason: str = ""
+    pictures: tuple[Picture, ...] = ()
 
     def __post_init__(self) -> None:
         for number, row in enumerate(self.rows, 1):

@@ -20,6 +20,50 @@ class Effect(StrEnum):
     INTERREFLECTION = "interreflection"
     SUBSURFACE = "subsurface"
     DEFORMATION = "deformation"
+    PERSPECTIVE = "perspective"
+    LIGHT_DETAIL = "light detail"
+
+
+class Basis(StrEnum):
+    """What a decision rests on."""
+
+    FACT = "fact"
+    PROBE = "probe"
+    USER = "user"
+
+
+@dataclass(frozen=True)
+class Decision:
+    """Whether an effect is simulated on a scene, and why.
+
+    Attributes
+    ----------
+    reason : str
+        The fact, or what the probe found, in words.
+    contribution, low, high : float
+        RMS difference that leaving the effect out makes, over the RMS radiance with it, and its 98 % interval (each end
+        is a 99 % bound); 0 where a fact rules the effect out, NaN where nothing was measured.
+    cost : float
+        Seconds that simulating it takes in reference and transfer; NaN where that is not known.
+    saved : float
+        Seconds that leaving it out saves; 0 where it is simulated.
+    seconds : float
+        What the probe took.
+    bounces : int or None
+        Of inter-reflection: how many are simulated.
+    """
+
+    effect: Effect
+    simulated: bool
+    basis: Basis
+    reason: str
+    contribution: float = float("nan")
+    low: float = float("nan")
+    high: float = float("nan")
+    cost: float = float("nan")
+    saved: float = 0.0
+    seconds: float = 0.0
+    bounces: int | None = None
 
 
 def told(effects: Iterable[Effect] | None) -> str:
@@ -43,6 +87,11 @@ class Scene:
         None where every point has a view of its own (uniform queries).
     effects : frozenset of Effect
         What the reference simulates here; a method that lacks one is scored with the lack named.
+    bounces : int or None
+        How often light may come by way of the shape, where the scene calls for inter-reflection and that was worked
+        out; None is as the reference's settings say.
+    decisions : tuple of Decision
+        Why each effect is simulated, or is not; empty where the effects were given.
     """
 
     name: str
@@ -52,3 +101,5 @@ class Scene:
     points: Points
     viewer: Viewer | None = None
     effects: frozenset[Effect] = field(default=frozenset())
+    bounces: int | None = None
+    decisions: tuple[Decision, ...] = ()

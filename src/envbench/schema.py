@@ -144,6 +144,17 @@ CREATE TABLE animation (
     UNIQUE (run_id, name)
 )"""
 
+_PICTURE = """
+CREATE TABLE picture (
+    id INTEGER PRIMARY KEY,
+    run_id TEXT NOT NULL REFERENCES run (id) ON DELETE CASCADE,
+    study TEXT NOT NULL,             -- study.name
+    name TEXT NOT NULL,
+    caption TEXT NOT NULL,           -- what it shows, its tone mapping and scale
+    png BLOB NOT NULL,
+    UNIQUE (run_id, study, name)
+)"""
+
 _FIRST_PREDICTION = "(SELECT value FROM json_each(cell.predictions) LIMIT 1) AS predicted_error"
 
 MIGRATIONS: list[tuple[str, ...]] = [
@@ -165,5 +176,9 @@ MIGRATIONS: list[tuple[str, ...]] = [
         "ALTER TABLE timing ADD COLUMN shared INTEGER NOT NULL DEFAULT 0",  # 1: measured on an earlier scene
     ),
     (_STUDY, _ANIMATION),
+    (  # pictures of studies; why effects are simulated
+        _PICTURE,
+        "ALTER TABLE scene ADD COLUMN decisions TEXT NOT NULL DEFAULT '[]'",  # JSON array: envbench.scene.Decision
+    ),
 ]
 """Statements that lead from schema i to schema i + 1."""

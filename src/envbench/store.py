@@ -11,7 +11,7 @@ import sqlite3
 import zlib
 from collections.abc import Generator
 from contextlib import contextmanager
-from dataclasses import asdict, fields
+from dataclasses import asdict, fields, replace
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -21,7 +21,20 @@ from numpy.typing import NDArray
 
 from envbench.database import connect, migrate, transaction, worded
 from envbench.errors import BadInput
-from envbench.records import CellResult, Film, MaterialSheet, Phase, RunInfo, SceneResult, Score, Status, Study, Timing
+from envbench.records import (
+    CellResult,
+    Film,
+    MaterialSheet,
+    Phase,
+    Picture,
+    RunInfo,
+    SceneResult,
+    Score,
+    Status,
+    Study,
+    Timing,
+)
+from envbench.scene import Basis, Decision, Effect
 
 
 class Store:
@@ -80,7 +93,7 @@ class Store:
     def save_scene(self, run_id: str, scene: SceneResult) -> None:
         """Save a scene of a run; one of the same name is replaced."""
         row = {f.name: getattr(scene, f.name) for f in fields(scene) if f.name != "image"}
-        row |= {"run_id": run_id, **_pack(scene.image)}
+        row |= {"run_id": run_id, "decisions": [asdict(entry) for entry in scene.decisions], **_pack(scene.image)}
         with self._transaction():
             self._db.execute("DELETE FROM scene WHERE run_id = ? AND name = ?", (run_id, scene.name))
             self._insert("scene", row)
@@ -109,7 +122,11 @@ class Store:
         """Save a table that belongs to no scene and method; one of the same name is replaced."""
         with self._transaction():
             self._db.execute("DELETE FROM study WHERE run_id = ? AND name = ?", (run_id, study.name))
-            self._insert("study", {"run_id": run_id, "name": study.name, "study": asdict(study)})
+            self._db.execute("DELETE FROM picture WHERE run_id = ? AND study = ?", (run_id, study.name))
+            table = {f.name: getattr(study, f.name) for f in fields(study) if f.name != "pictures"}
+            self._insert("study", {"run_id": run_id, "name": study.name, "study": table})
+            for picture in study.pictures:
+                self._insert("picture", {"run_id": run_id, "study": study.name, **vars(picture)})
 
     def save_film(self, run_id: str, film: Film) -> None:
         """Save an animation; one of the same name is replaced."""
@@ -182,7 +199,11 @@ class Store:
     def studies(self, run_id: str) -> list[Study]:
         """Return the studies of a run, in the order in which they were saved."""
         rows = self._rows("SELECT study FROM study WHERE run_id = ? ORDER BY id", run_id)
-        return [Study(**_fields(json.loads(row["study"]))) for row in rows]
+        drawn: dict[str, list[Picture]] = {}
+        for row in self._rows("SELECT study, name, caption, png FROM picture WHERE run_id = ? ORDER BY id", run_id):
+            drawn.setdefault(row.pop("study"), []).append(Picture(**row))
+        found = [Study(**_fields(json.loads(row["study"]))) for row in rows]
+        return [replace(study, pictures=tuple(drawn.get(study.name, ()))) for study in found]
 
     def films(self, run_id: str) -> list[Film]:
         """Return the animations of a run, in the order in which they were saved."""
@@ -247,7 +268,12 @@ def _scene(row: dict[str, Any]) -> SceneResult:
     row |= {"specs": json.loads(row["specs"]), "reference_from_cache": bool(row["reference_from_cache"])}
     row |= {name: tuple(json.loads(row[name])) for name in ("effects", "notes")}
     row = _defined(row, *(f"reference_{name}" for name in ("floor", "target", "seconds", "rms")))
+    row["decisions"] = tuple(map(_decision, json.loads(row["decisions"])))
     return SceneResult(**row, image=image)
+
+
+def _decision(row: dict[str, Any]) -> Decision:
+    return Decision(**row | {"effect": Effect(row["effect"]), "basis": Basis(row["basis"])})
 
 
 def _fields(row: dict[str, Any]) -> dict[str, Any]:

@@ -244,6 +244,7 @@ def describe(spec: SceneSpec, scene: Scene, truth: Reference) -> SceneResult:
         view=spec.view,
         specs=plain(spec.meaning),
         effects=tuple(sorted(effect.value for effect in scene.effects)),
+        decisions=scene.decisions,
         points=len(scene.points),
         reference_key=truth.key,
         reference_floor=truth.floor,

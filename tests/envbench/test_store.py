@@ -18,7 +18,20 @@ import numpy as np
 import pytest
 
 from envbench.errors import BadInput
-from envbench.records import CellResult, Film, MaterialSheet, Phase, RunInfo, SceneResult, Score, Status, Study, Timing
+from envbench.records import (
+    CellResult,
+    Film,
+    MaterialSheet,
+    Phase,
+    Picture,
+    RunInfo,
+    SceneResult,
+    Score,
+    Status,
+    Study,
+    Timing,
+)
+from envbench.scene import Basis, Decision, Effect
 from envbench.schema import MIGRATIONS
 from envbench.store import Store
 
@@ -249,6 +262,7 @@ def test_studies_come_back_as_saved(store):
     study = Study(
         "orders", "Orders", "Beside table 5.", ("sigma (rad)", "F", "within 1", "source"),
         ((0.1, 23, True, "a"), (math.inf, 11, np.bool_(False), None)), ("note",), 1.5,
+        pictures=(Picture("spheres", "radiance 0 to 1", b"PNG"),),
     )  # fmt: skip
     gone = Study.missing("gone", "timed out: no answer within 9 s")
     for saved in (gone, study, study):
@@ -262,6 +276,16 @@ def test_studies_come_back_as_saved(store):
     )
     assert store.studies(RUN.id)[1].judged == (1, 2)
     assert store.studies("no such run") == []
+
+
+def test_decisions_come_back_with_their_scene(store):
+    made = (Decision(Effect.INTERREFLECTION, True, Basis.PROBE, "6 %", 0.06, 0.05, 0.07, 3.0, 0.0, 0.2, 2),)
+    scene = SceneResult(
+        "a/b/c/d", "a", "b", "c", "d", {}, ("interreflection",), 3, "key", 0.1, 0.1, 1, 8, 1.0, False, 1.0,
+        decisions=made,
+    )  # fmt: skip
+    store.save_scene(RUN.id, scene)
+    assert store.scenes(RUN.id)[-1].decisions == made
 
 
 def test_films_come_back_as_saved(store):
