@@ -7,6 +7,8 @@ kind                 settings
 `mesh`               `path` (.obj .ply .stl .glb through trimesh, or .npz with arrays `vertices`, `triangles`,
                      optionally `normals` and `uv`), `convex`, `up` (the file's upward axis, which becomes z)
 `patch`              a relief on a rectangle (`data_gen.geometry.generated.Patch`)
+`walls`              two rectangles that face each other: `size`, `gap`, `resolution`
+`ellipsoid`          a convex mesh: `axes` (half of its lengths), `subdivisions`
 `cylinder` `vase`    surfaces of revolution (`data_gen.geometry.surfaces`), `resolution`
 `torus`
 ===================  ==========================================================================================
@@ -27,7 +29,7 @@ from data_gen.external import locate
 from data_gen.geometry import files, generated, poses
 from data_gen.geometry import parameters as p
 from data_gen.geometry.files import SUFFIXES
-from data_gen.geometry.generated import RESOLUTION, Patch
+from data_gen.geometry.generated import RESOLUTION, Ellipsoid, Patch, Walls
 from data_gen.geometry.mitsuba_shape import mitsuba_mesh
 from data_gen.geometry.poses import Rest
 from data_gen.geometry.presets import GEOMETRIES
@@ -66,7 +68,9 @@ class _Mesh:
         p.axis("up", self.up)
 
 
-KINDS: dict[str, type[Any]] = {kind.kind: kind for kind in (_Sphere, _Mesh, Patch, Cylinder, Vase, Torus)}
+KINDS: dict[str, type[Any]] = {
+    kind.kind: kind for kind in (_Sphere, _Mesh, Patch, Walls, Ellipsoid, Cylinder, Vase, Torus)
+}
 """Every kind of shape, by the dataclass whose fields are its settings."""
 
 
@@ -135,7 +139,7 @@ def _rest(made: Any, spec: Mapping[str, Any], name: str) -> tuple[Rest | None, G
             return None, Geometry(name)
         case _Mesh():
             return _read(made, locate(made.path), name)
-        case Patch():
+        case Patch() | Walls() | Ellipsoid():
             geometry = made.geometry(name)
         case _:
             geometry = generated.revolved(made, spec.get("resolution", RESOLUTION), name)

@@ -1,4 +1,4 @@
-"""Generated meshes: texture patches as height fields, and surfaces of revolution; all grids over (u, v) in [0, 1]^2."""
+"""Generated meshes: patches as height fields, facing walls, ellipsoids, and surfaces of revolution."""
 
 from __future__ import annotations
 
@@ -94,6 +94,60 @@ class Patch:
         if a_tile >= 8:
             return ()
         return (f"{a_tile:.2g} vertices a tile cannot hold its relief; a resolution of 8 a tile or more is needed.",)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Walls:
+    """Two upright rectangles of `size` (along y, along z) that face each other across a `gap` along x."""
+
+    kind: ClassVar[str] = "walls"
+
+    size: Any = 1.0
+    gap: float = 0.5
+    resolution: Any = RESOLUTION // 2
+
+    def __post_init__(self) -> None:
+        p.lengths("size", self.size)
+        p.number("gap", self.gap, 1e-6, 1e6)
+        p.pair("resolution", self.resolution, 2, MAX_RESOLUTION)
+
+    def geometry(self, name: str) -> Geometry:
+        """Make the mesh: the wall at -x first, each seen from the other."""
+        uv, triangles = grid(p.pair("resolution", self.resolution, 2, MAX_RESOLUTION))
+        along = (uv - 0.5) * p.lengths("size", self.size)
+        sides: list[Array] = []
+        normals: list[Array] = []
+        for side in (-1.0, 1.0):  # on the wall at +x y runs backwards, so that (S_u, S_v, n) is right-handed there too
+            across = np.full(len(uv), side * self.gap / 2)
+            sides.append(np.stack([across, -side * along[:, 0], along[:, 1]], axis=1))
+            normals.append(np.tile([-side, 0.0, 0.0], (len(uv), 1)))
+        both = np.concatenate([triangles, triangles + len(uv)]).astype(np.int32)
+        mesh = TriangleMesh(np.concatenate(sides), both, np.concatenate(normals), np.tile(uv, (2, 1)))
+        return Geometry(name, mesh, False)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Ellipsoid:
+    """A convex mesh: an icosahedron's faces divided into 4^`subdivisions`, on the ellipsoid of half-`axes` x, y, z."""
+
+    kind: ClassVar[str] = "ellipsoid"
+
+    axes: Any = (1.0, 1.0, 1.0)
+    subdivisions: int = 4
+
+    def __post_init__(self) -> None:
+        if (p.array("axes", self.axes, (3,)) <= 0).any():
+            raise BadInput(f"axes must be three lengths > 0. Got {self.axes!r} instead.")
+        p.integer("subdivisions", self.subdivisions, 0, 8)
+
+    def geometry(self, name: str) -> Geometry:
+        """Make the mesh."""
+        from trimesh.creation import icosphere
+
+        ball: Any = icosphere(subdivisions=self.subdivisions)
+        axes, unit = np.array(self.axes, float), np.asarray(ball.vertices, float)
+        mesh = TriangleMesh(unit * axes, np.asarray(ball.faces, np.int32), normalised(unit / axes))
+        return Geometry(name, mesh, True)
 
 
 def revolved(surface: Surface, resolution: Any, name: str) -> Geometry:

@@ -57,6 +57,16 @@ GEOMETRIES: dict[str, dict[str, Any]] = {
     "cylinder": {"kind": "cylinder"},
     "vase": {"kind": "vase"},
     "torus": {"kind": "torus"},
+    "ellipsoid": {"kind": "ellipsoid", "axes": [1.0, 0.8, 0.6]},
+    "bowl": {"kind": "vase", "profile": [[0.7, 0.5], [0.66, 0.3], [0.5, 0.12], [0.3, 0.03], [0.01, 0.0]]},
+    "tube": {"kind": "vase", "profile": [[0.3, 1.0], [0.3, 0.0]]},
+    "walls": {"kind": "walls"},
+    "cloth-folded": {
+        **_SQUARE,
+        "texture": "bumps",
+        "height": 0.0,
+        "pose": {"kind": "wave", "amplitude": 0.12, "cycles": 2.0},
+    },
     "vase-waved": {"kind": "vase", "pose": {"kind": "wave", "amplitude": 0.06, "axis": "z", "towards": "x"}},
     **{f"patch-{name}": {**_SQUARE, **relief} for name, relief in _RELIEFS.items()},
     **{

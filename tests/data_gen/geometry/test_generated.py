@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from skimage import io
 
-from data_gen.geometry import build
+from data_gen.geometry import GEOMETRIES, build
 from data_gen.geometry.reliefs import RELIEFS, groove, picture, slopes
 from envbench.directions import normalised
 from envbench.errors import BadInput, NeedsData
@@ -106,6 +106,31 @@ def test_a_torus_has_its_volume_and_area() -> None:
     assert np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2 == pytest.approx(4 * np.pi**2 * 0.4, rel=1e-3)
 
 
+@pytest.mark.parametrize("name", ["ellipsoid", "walls", "bowl", "tube"])
+def test_presets_that_face_a_side_are_wound_as_their_normals_say(name: str) -> None:
+    mesh = mesh_of(build(GEOMETRIES[name], name))
+    a, b, c = (mesh.vertices[mesh.triangles[:, k]] for k in range(3))
+    facing = normalised(np.cross(b - a, c - a))
+    assert all((np.sum(facing * mesh.normals[mesh.triangles[:, k]], axis=1) > 0).all() for k in range(3))
+    outward = np.sum((mesh.vertices - mesh.vertices.mean(0)) * mesh.normals, axis=1)
+    assert (outward > 0).all() if name == "ellipsoid" else outward.mean() < 0  # the others are seen from within
+
+
+def test_an_ellipsoid_nears_its_volume() -> None:
+    mesh = mesh_of(build({"kind": "ellipsoid", "axes": [1.0, 0.8, 0.6], "subdivisions": 5}))
+    a, b, c = (mesh.vertices[mesh.triangles[:, k]] for k in range(3))
+    volume = np.sum(a * np.cross(b, c)) / 6
+    assert volume == pytest.approx(4 / 3 * np.pi * 0.48, rel=2e-3)
+
+
+def test_walls_face_each_other_across_their_gap() -> None:
+    mesh = mesh_of(build({"kind": "walls", "size": [2.0, 1.0], "gap": 0.25, "resolution": 4}))
+    left, right = np.split(mesh.vertices, 2)
+    assert np.ptp(mesh.vertices, axis=0).tolist() == [0.25, 2.0, 1.0]
+    assert (left[:, 0] == -0.125).all()
+    assert (right[:, 0] == 0.125).all()
+
+
 def test_too_coarse_a_patch_is_said() -> None:
     geometry = build({"kind": "patch", "texture": "weave", "tiles": 16})
     assert geometry.notes == (
@@ -130,6 +155,9 @@ def test_too_coarse_a_patch_is_said() -> None:
         ({"kind": "patch", "texture": "weave", "depth": 0.1}, "depth is no setting of this texture: a wrinkle has it."),
         ({"kind": "patch", "texture": "wrinkle", "height": 0.1}, "height is no setting of a wrinkle."),
         ({"kind": "patch", "texture": "weave", "height": float("inf")}, "height must be a number"),
+        ({"kind": "walls", "gap": 0}, "gap must be a number"),
+        ({"kind": "ellipsoid", "axes": [1, 1, 0]}, "axes must be three lengths > 0"),
+        ({"kind": "ellipsoid", "subdivisions": 20}, r"subdivisions must be an integer in \[0, 8\]. Got 20"),
         (
             {"kind": "vase", "profile": [[-1, 0], [1, 1]]},
             "geometry 'g': profile must be at least two pairs of a radius",
