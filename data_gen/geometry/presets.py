@@ -61,6 +61,7 @@ GEOMETRIES: dict[str, dict[str, Any]] = {
     "bowl": {"kind": "vase", "profile": [[0.7, 0.5], [0.66, 0.3], [0.5, 0.12], [0.3, 0.03], [0.01, 0.0]]},
     "tube": {"kind": "vase", "profile": [[0.3, 1.0], [0.3, 0.0]]},
     "walls": {"kind": "walls"},
+    "patch-flat": {**_SQUARE, "texture": "bumps", "height": 0.0},
     "cloth-folded": {
         **_SQUARE,
         "texture": "bumps",
