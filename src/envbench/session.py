@@ -76,7 +76,7 @@ def run(options: Options, progress: Progress, began: float | None = None) -> Run
                 progress.line(f"warning, {place} is left out: {reason}")
             for note in work.notes:
                 progress.line(f"note, {note}")
-            runner = Runner(work, store, supervisor, options.limits.seconds, progress)
+            runner = Runner(work, store, supervisor, options.limits.seconds or work.timing.timeout, progress)
             return runner.run(resume=options.resume, began=began)
         finally:
             progress.stop()

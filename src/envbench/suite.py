@@ -27,16 +27,21 @@ class TimingSettings:
     budget : float
         Seconds that a cell's calls may take in all: no round begins that would exceed them, and the rounds so far, or
         the first call, have to do.
+    timeout : float
+        Seconds that one call of a cell may take, or a study; ``--timeout`` overrides it.
     """
 
     rounds: int = 5
     budget: float = 120.0
+    timeout: float = 120.0
 
     def __post_init__(self) -> None:
         if not 0 <= self.rounds <= 1000:
             raise BadInput(f"rounds must lie in [0, 1000]. Got {self.rounds} instead.")
         if not 0 < self.budget < float("inf"):
             raise BadInput(f"budget must be a number of seconds > 0. Got {self.budget} instead.")
+        if not 0 < self.timeout < float("inf"):
+            raise BadInput(f"timeout must be a number of seconds > 0. Got {self.timeout} instead.")
 
 
 @dataclass(frozen=True)

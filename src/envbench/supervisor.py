@@ -26,12 +26,13 @@ START_LIMIT = 300.0
 class Limits:
     """What one cell may use: wall seconds, and bytes of memory that its process holds."""
 
-    seconds: float = 120.0
+    seconds: float | None = None
+    """As the suite says, if None."""
     memory: int | None = None
     """Three quarters of the machine's, if None."""
 
     def __post_init__(self) -> None:
-        if not self.seconds > 0:
+        if self.seconds is not None and not self.seconds > 0:
             raise BadInput(f"the time-out must be > 0 seconds. Got {self.seconds} instead.")
         if self.memory is not None and self.memory <= 0:
             raise BadInput(f"the memory limit must be > 0 bytes. Got {self.memory} instead.")
