@@ -81,8 +81,8 @@ def known() -> tuple[Known, ...]:
                "highlights about the tangent"),
         _known("posed bat", SKY, _diffuse(0.01), "bat-flying", _FRONT, {_SHADOW, _POSE},
                "wings raised shadow the body, and it is too dark to send light on"),
-        _known("constant light", CONSTANT, _diffuse(0.8), "vase", _FRONT, {_SHADOW, _BOUNCE},
-               "light without detail, an inside that sees itself"),
+        _known("constant light", CONSTANT, _diffuse(0.7), "bowl", _INTO, {_SHADOW, _BOUNCE},
+               "light has no detail to lose"),
         _known("one lamp", LAMP, _diffuse(0.8), "ellipsoid", _FRONT, {_DETAIL}, "brighter and smaller than six bands"),
     )  # fmt: skip
 
