@@ -13,16 +13,18 @@ from typing import Any
 from benchmarks.studies import STUDIES
 from data_gen import environments, geometry, materials, views
 from envbench.catalogue import Rasteriser, Spec
+from envbench.effects import EffectSettings, chosen
 from envbench.environment import Environment
 from envbench.errors import BadInput
 from envbench.geometry import Geometry, Points, Viewer
-from envbench.material import Centre, Material
 from envbench.method import Method
 from envbench.records import MaterialSheet, Study
 from envbench.reference import Agreement, Reference, ReferenceSettings
-from envbench.scene import Effect, Scene, told
+from envbench.scene import Effect, Plan, Scene, told
 from methods import METHODS
 from references import reference
+from references.effects.kept import decided
+from references.effects.facts import occasions
 
 
 def _suites() -> dict[str, Path]:
@@ -43,11 +45,11 @@ class Catalogue:
 
     def scene(
         self, *, name: str, light: Spec, material: Spec, geometry: Spec, view: Spec,
-        effects: Sequence[Effect] | None = None,
+        effects: str | Sequence[str] | None = None,
     ) -> Scene:  # fmt: skip
         """Build a scene; its `name` is light/material/geometry/view, with the `effects` where they are given.
 
-        The last lights and queries are kept.
+        Its effects are those of a list, else those that its facts call for. The last lights and queries are kept.
         """
         parts = name.removesuffix(told(effects))
         names = parts.split("/") if parts.count("/") == 3 else [parts] * 4
@@ -58,7 +60,17 @@ class Catalogue:
             from data_gen import texture
 
             points = replace(points, modulation=texture.modulation(brdf.texture, points))
-        return Scene(name, environment, brdf, shape, points, viewer, _effects(name, brdf, shape, effects))
+        scene = Scene(name, environment, brdf, shape, points, viewer)
+        listed = None if effects is None else chosen(effects)
+        if listed is None or isinstance(listed, Plan):
+            return replace(scene, effects=occasions(scene))
+        return replace(scene, effects=_sensible(name, scene, listed))
+
+    def effects(
+        self, scene: Scene, settings: EffectSettings, reference: ReferenceSettings, cache: Path | None
+    ) -> Scene:
+        """Return the scene with the effects, bounces and decisions that `settings` lead to, from `cache` if held."""
+        return decided(scene, settings, reference, cache)
 
     def reference(self, scene: Scene, settings: ReferenceSettings, cache: Path | None) -> Reference:
         """Return ground truth, from `cache` where it holds it."""
@@ -83,20 +95,18 @@ class Catalogue:
         return agreement.table(scenes)
 
 
-def _effects(name: str, material: Material, shape: Geometry, chosen: Sequence[Effect] | None) -> frozenset[Effect]:
-    """Return what ground truth simulates: all that the facts call for, or what was chosen, if that makes sense."""
-    viewed = any(lobe.centre is not Centre.NORMAL for lobe in material.lobes)
-    seen = {Effect.VIEW_DEPENDENCE} if viewed else set[Effect]()  # a material is never seen without it
-    if chosen is None:
-        shadowed = {Effect.SELF_SHADOWING} if not (shape.convex and shape.posed.convex) else set[Effect]()
-        return frozenset(seen | shadowed | ({Effect.DEFORMATION} if shape.pose is not None else set()))
-    if Effect.SUBSURFACE in chosen:
-        raise BadInput(f"scene '{name}': no reference simulates {Effect.SUBSURFACE}; leave it out of its effects.")
-    if Effect.DEFORMATION in chosen and shape.pose is None:
+def _sensible(name: str, scene: Scene, listed: Sequence[Effect]) -> frozenset[Effect]:
+    """Return the effects of a list, if they make sense on a scene."""
+    shape = scene.geometry
+    if Effect.SUBSURFACE in listed and Effect.SUBSURFACE not in occasions(scene):
+        raise BadInput(
+            f"scene '{name}': '{scene.material.name}' has no medium; leave {Effect.SUBSURFACE} out of its effects."
+        )
+    if Effect.DEFORMATION in listed and shape.pose is None:
         raise BadInput(f"scene '{name}': '{shape.name}' has no pose; leave {Effect.DEFORMATION} out of its effects.")
-    if Effect.INTERREFLECTION in chosen and Effect.SELF_SHADOWING not in chosen:
+    if Effect.INTERREFLECTION in listed and Effect.SELF_SHADOWING not in listed:
         raise BadInput(f"scene '{name}': what sends light on hides it too; add {Effect.SELF_SHADOWING} to its effects.")
-    return frozenset({*chosen, *seen})
+    return frozenset(listed)
 
 
 def _text(spec: Any) -> str:

@@ -9,6 +9,8 @@ shadow no visibility ray is cast, so that whole lobes, which reach below the hor
 Bounces: the BSDF sample goes on to what the shape has in its way, and the same is done there, as `path` does.
 Signed light: its positive and its negative part are estimated each by itself, and subtracted.
 Carried shadows: what a shape hides at rest, carried along by a pose (`Surface.carried`).
+Averages: over views, or over turns of the tangent, drawn afresh for each sample wherever light is reflected. They are
+drawn by a sampler of their own, so that all other random numbers are those of the estimate without.
 """
 
 from __future__ import annotations
@@ -37,6 +39,8 @@ SAMPLER = "multijitter"
 
 _LANES = 2**22
 """Samples in flight at a time: bounds the memory."""
+_OWN = 0x9E3779B9
+"""What sets the seeds of averages apart from those of the estimates: any odd number."""
 _LIFT = 2e-5
 """How far off the surface rays start, relative to the shape's size and place: some 100 roundings of a coordinate."""
 
@@ -55,6 +59,11 @@ class Surface:
         The occluder is the shape at rest, whose points are elsewhere than those seen: light from w reaches a point of
         rotation R if at rest it comes through from R^T w. So a pose carries the transfer along, and no part of the
         posed shape shadows another.
+    any_view : bool
+        The material looks the same from everywhere: its reflection is the mean over views about the shading normal,
+        weighed by their cosine. A point's radiance is its radiosity over pi.
+    any_tangent : bool
+        The material is the same along all tangents: the mean over their turns about the shading normal.
     """
 
     material: Material
@@ -62,6 +71,8 @@ class Surface:
     variant: str = "llvm_ad_rgb"
     bounces: int = 0
     carried: bool = False
+    any_view: bool = False
+    any_tangent: bool = False
 
     @classmethod
     def of(cls, material: Material, geometry: Geometry, variant: str = "llvm_ad_rgb") -> Surface:
@@ -173,29 +184,55 @@ class Estimator:
             estimate[chunk] = sums(mi, points, chunk, count, int(state)) / count
         return estimate
 
+    def by_bounce(self, points: Points, samples: int, seed: np.random.SeedSequence) -> Array:
+        """Estimate what light contributes that came by way of the shape 0, 1, ... times, (1 + bounces, n, 3).
+
+        Their sums are what estimates with fewer bounces, of the same seed, are. Not for scalar variants.
+        """
+        mi = llvm.mitsuba(self.surface.variant)
+        jobs = _chunks(np.arange(len(points)), max(1, _LANES // samples))
+        estimate = np.empty((1 + self.surface.bounces, len(points), 3))
+        for chunk, state in zip(jobs, seed.generate_state(len(jobs)), strict=True):
+            estimate[:, chunk] = self._summed(mi, points, chunk, samples, int(state), self._by_bounce) / samples
+        return estimate
+
     def _wavefront(self, mi: Any, points: Points, chosen: NDArray[np.int_], samples: int, seed: int) -> Array:
         """Return the sums over the samples of the `chosen` points, (n, 3), all at once."""
+        return self._summed(mi, points, chosen, samples, seed, lambda *args: [self._radiance(*args)])[0]
+
+    def _summed(
+        self, mi: Any, points: Points, chosen: NDArray[np.int_], samples: int, seed: int, estimates: Callable[..., Any]
+    ) -> Array:
+        """Return the sums over the samples of the `chosen` points of each of the `estimates`, (m, n, 3)."""
         import drjit as dr
 
         lanes = len(chosen) * samples
-        sampler = mi.load_dict({"type": self.sampler, "sample_count": samples})
-        # Before seeding: without it the samples of a point are independent of each other, and seeds barely differ.
-        sampler.set_samples_per_wavefront(samples)
-        sampler.seed(dr.opaque(mi.UInt32, seed), lanes)
+        draws = _Draws(*(self._sampler(mi, samples, dr.opaque(mi.UInt32, s), lanes) for s in self._seeds(seed)))
         point = dr.arange(mi.UInt32, lanes) // dr.opaque(mi.UInt32, samples)
 
         def spread(values: Array) -> Any:
             columns = np.ascontiguousarray(values[chosen].T, np.float32)
             return dr.gather(mi.Vector3f, mi.Vector3f(columns), point)
 
-        radiance = self._radiance(mi, _interaction(mi, points, spread), self._place(mi, points, spread), sampler)
-        dr.eval(radiance)
-        return np.stack([dr.block_sum(mi.Float64(c), samples).numpy() for c in radiance], axis=-1)
+        found = estimates(mi, _interaction(mi, points, spread), self._place(mi, points, spread), draws)
+        dr.eval(found)
+        return np.array([[dr.block_sum(mi.Float64(c), samples).numpy() for c in rgb] for rgb in found]).swapaxes(1, 2)
+
+    def _seeds(self, seed: int) -> tuple[int, ...]:
+        averaged = self.surface.any_view or self.surface.any_tangent
+        return (seed, seed ^ _OWN) if averaged else (seed,)
+
+    def _sampler(self, mi: Any, samples: int, seed: Any, lanes: int) -> Any:
+        sampler = mi.load_dict({"type": self.sampler, "sample_count": samples})
+        if lanes > 1:
+            # Before seeding: without it the samples of a point are independent of each other, and seeds barely differ.
+            sampler.set_samples_per_wavefront(samples)
+        sampler.seed(seed, lanes)
+        return sampler
 
     def _one_by_one(self, mi: Any, points: Points, chosen: NDArray[np.int_], samples: int, seed: int) -> Array:
         """Return the sum over the samples of the one `chosen` point, (3,)."""
-        sampler = mi.load_dict({"type": self.sampler, "sample_count": samples})
-        sampler.seed(seed, 1)
+        draws = _Draws(*(self._sampler(mi, samples, s, 1) for s in self._seeds(seed)))
 
         def taken(values: Array) -> Any:
             return mi.Vector3f(*(float(v) for v in values[chosen[0]]))
@@ -203,29 +240,43 @@ class Estimator:
         interaction, place = _interaction(mi, points, taken), self._place(mi, points, taken)
         total = np.zeros(3)
         for _ in range(samples):
-            total += np.array(self._radiance(mi, interaction, place, sampler), float)
-            sampler.advance()
+            total += np.array(self._radiance(mi, interaction, place, draws), float)
+            draws.advance()
         return total
 
-    def _radiance(self, mi: Any, si: Any, place: _Place, sampler: Any) -> Any:
-        """Return one estimate of the reflected radiance, of the light's parts by their signs."""
+    def _radiance(self, mi: Any, si: Any, place: _Place, draws: _Draws) -> Any:
+        """Return one estimate of the reflected radiance."""
         total = mi.Color3f(0)
-        for sign, scene in self._scenes:
-            total += sign * self._part(mi, scene.environment(), si, place, sampler)
+        for part in self._by_bounce(mi, si, place, draws):
+            total += part
         return total
 
-    def _part(self, mi: Any, emission: Any, si: Any, place: _Place, sampler: Any) -> Any:
-        """Return an estimate under one part of the light: emitter and BSDF sample, weighed by their densities."""
+    def _by_bounce(self, mi: Any, si: Any, place: _Place, draws: _Draws) -> list[Any]:
+        """Return one estimate for each number of bounces, of the light's parts by their signs."""
+        totals = [mi.Color3f(0) for _ in range(1 + self.surface.bounces)]
+        for sign, scene in self._scenes:
+            for depth, part in enumerate(self._part(mi, scene.environment(), si, place, draws)):
+                totals[depth] += sign * part
+        return totals
+
+    def _part(self, mi: Any, emission: Any, si: Any, place: _Place, draws: _Draws) -> list[Any]:
+        """Return estimates under one part of the light: emitter and BSDF sample, weighed by their densities.
+
+        What a BSDF sample finds of the light has come by way of the shape as often as the point it was drawn at.
+        """
         import drjit as dr
 
-        context, reflector = mi.BSDFContext(), self.surface.bsdf
+        context, reflector, sampler = mi.BSDFContext(), self.surface.bsdf, draws.sampler
         bounces = 0 if self.surface.occluder is None else self.surface.bounces
-        total, through, active = mi.Color3f(0), mi.Color3f(1), mi.Bool(True)
+        totals: list[Any] = []
+        through, active = mi.Color3f(1), mi.Bool(True)
         for depth in range(1 + bounces):
+            si = self._averaged(mi, si, draws)
+            totals.append(mi.Color3f(0))
             ds, light = emission.sample_direction(si, sampler.next_2d(), active)
             value, pdf = reflector.eval_pdf(context, si, si.to_local(ds.d), active & (ds.pdf > 0))
             share = _balance(ds.pdf, pdf) if self.sample_lobes else 1.0
-            total += self._unshadowed(mi, place, ds.d, through * light * value * share)
+            totals[-1] += self._unshadowed(mi, place, ds.d, through * light * value * share)
             if depth == bounces and not self.sample_lobes:
                 break
             sample, weight = reflector.sample(context, si, sampler.next_1d(), sampler.next_2d(), active)
@@ -239,14 +290,31 @@ class Estimator:
                 ds.d = direction
                 sent = through * emission.eval(seen) * _balance(sample.pdf, emission.pdf_direction(si, ds))
             if depth == bounces:
-                total += self._unshadowed(mi, place, direction, sent)
+                totals[-1] += self._unshadowed(mi, place, direction, sent)
                 break
             found = self.scene.ray_intersect(place.ray(mi, direction), active & dr.any(through > 0))
-            total += dr.select(found.is_valid(), mi.Color3f(0), sent)
+            totals[-1] += dr.select(found.is_valid(), mi.Color3f(0), sent)
             si, place, active = self._reached(mi, found, place, direction)
             if self.surface.texture is not None:
                 through = through * mi.Color3f(*self.surface.texture.eval(found.uv))
-        return total
+        return totals
+
+    def _averaged(self, mi: Any, si: Any, draws: _Draws) -> Any:
+        """Return the interaction as seen from a view drawn anew, its tangent turned, where these are averaged over."""
+        import drjit as dr
+
+        if not (self.surface.any_view or self.surface.any_tangent):
+            return si
+        turned = mi.SurfaceInteraction3f(si)
+        if self.surface.any_tangent:
+            sine, cosine = dr.sincos(2 * dr.pi * draws.own.next_1d())
+            frame = si.sh_frame
+            along = mi.Vector3f(cosine * frame.s + sine * frame.t)
+            turned.sh_frame = mi.Frame3f(along, dr.cross(frame.n, along), frame.n)
+            turned.wi = turned.to_local(si.to_world(si.wi))
+        if self.surface.any_view:
+            turned.wi = mi.warp.square_to_cosine_hemisphere(draws.own.next_2d())
+        return turned
 
     def _unshadowed(self, mi: Any, place: _Place, direction: Any, radiance: Any) -> Any:
         """Return `radiance`, or zero where the shape itself hides the light in `direction`."""
@@ -285,6 +353,18 @@ class Estimator:
             if points.rotation is not None:
                 rotation = tuple(spread(points.rotation[:, row]) for row in range(3))
         return _Place(mi.Point3f(spread(position)), spread(geometric), spread(normal), self.surface.lift, rotation)
+
+
+@dataclass(frozen=True)
+class _Draws:
+    """Where random numbers come from: those of light and lobes, and those of views and tangents averaged over."""
+
+    sampler: Any
+    own: Any = None
+
+    def advance(self) -> None:
+        for sampler in filter(None, (self.sampler, self.own)):
+            sampler.advance()
 
 
 @dataclass(frozen=True)

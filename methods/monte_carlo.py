@@ -16,7 +16,7 @@ from envbench.errors import BadInput
 from envbench.geometry import Geometry, Points
 from envbench.material import Material
 from envbench.method import Method, Tolerance
-from envbench.scene import Effect, Scene
+from envbench.scene import FREE, Effect, Scene
 
 MOST = 4**8
 STREAM = (0x4D43, 1)
@@ -40,7 +40,7 @@ class MonteCarlo(Method):
     name = "monte-carlo"
     summary = "stores nothing; light and lobes are sampled at each point by Mitsuba, a fixed number of times"
     source = "Veach 1997, sec. 9.2 (multiple importance sampling); Mitsuba 3"
-    simulates = frozenset({Effect.VIEW_DEPENDENCE, Effect.SELF_SHADOWING})
+    simulates = FREE | {Effect.SELF_SHADOWING}
 
     samples: int = 64
     seed: int = 0

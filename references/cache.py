@@ -21,19 +21,27 @@ import numpy as np
 from numpy.typing import NDArray
 
 import data_gen.boundary
+import data_gen.environments.projected
 import data_gen.geometry.mitsuba_shape
 import data_gen.mitsuba_bsdf
 import data_gen.mitsuba_estimator
 import data_gen.mitsuba_light
 import envbench.arrays
 import envbench.material
+import references.closed_form
+import references.effects.facts
+import references.effects.without
 import references.mitsuba_direct as direct
 from envbench.reference import Reference, ReferenceSettings
 from envbench.scene import Scene
 
 SOURCES = (
     direct,
+    references.closed_form,
+    references.effects.facts,
+    references.effects.without,
     data_gen.boundary,
+    data_gen.environments.projected,
     data_gen.geometry.mitsuba_shape,
     data_gen.mitsuba_bsdf,
     data_gen.mitsuba_estimator,
@@ -63,6 +71,9 @@ def provenance(scene: Scene, settings: ReferenceSettings) -> dict[str, Any]:
         "weight": _digest_of(scene.points.weight),
         "modulation": None if scene.points.modulation is None else _digest_of(scene.points.modulation),
         "effects": sorted(scene.effects),
+        "bounces": scene.bounces,
+        "order": scene.order,
+        "viewer": None if scene.viewer is None else repr(scene.viewer),
         "integrator": "direct at the points, and bounces",
         "sampler": data_gen.mitsuba_estimator.SAMPLER,
         "settings": asdict(settings),

@@ -9,11 +9,12 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from envbench.effects import EffectSettings
 from envbench.geometry import TriangleMesh
 from envbench.method import Method
 from envbench.records import MaterialSheet, Study
 from envbench.reference import Agreement, Reference, ReferenceSettings
-from envbench.scene import Effect, Scene
+from envbench.scene import Scene
 
 Spec = Mapping[str, Any]
 """A thing of a suite as TOML gives it, e.g. ``{"kind": "file", "path": "grace.exr"}``; picklable."""
@@ -53,12 +54,18 @@ class Catalogue(Protocol):
 
     def scene(
         self, *, name: str, light: Spec, material: Spec, geometry: Spec, view: Spec,
-        effects: Sequence[Effect] | None = None,
+        effects: str | Sequence[str] | None = None,
     ) -> Scene:  # fmt: skip
         """Build a scene; raises `BadInput` for what cannot be read or makes no sense.
 
-        Its effects are those that its facts call for, or the `effects` given.
+        Its effects are those that its facts call for, or those of a list; a plan that wants more is for `effects`.
         """
+        ...
+
+    def effects(
+        self, scene: Scene, settings: EffectSettings, reference: ReferenceSettings, cache: Path | None
+    ) -> Scene:
+        """Return the scene with the effects, bounces and decisions that `settings` lead to, from `cache` if held."""
         ...
 
     def reference(self, scene: Scene, settings: ReferenceSettings, cache: Path | None) -> Reference:

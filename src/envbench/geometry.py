@@ -171,7 +171,10 @@ class Points:
 
     def spread(self, count: int) -> Points:
         """Return `count` of the points, evenly spread over their order, equally weighted and no longer an image."""
-        chosen = np.unique(np.linspace(0, len(self) - 1, count).round().astype(int))
+        return self.taken(np.unique(np.linspace(0, len(self) - 1, count).round().astype(int)))
+
+    def taken(self, chosen: NDArray[np.int_]) -> Points:
+        """Return the `chosen` points, some perhaps more than once, equally weighted and no longer an image."""
         per_point = (f.name for f in fields(self) if f.name not in ("weight", "pixel", "image_shape", "notes"))
         taken: dict[str, Any] = {
             name: array[chosen] for name in per_point if (array := getattr(self, name)) is not None

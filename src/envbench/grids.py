@@ -10,10 +10,11 @@ from pathlib import Path
 from typing import Any
 
 from envbench.catalogue import Catalogue, Spec
+from envbench.effects import EffectSettings
 from envbench.errors import BadInput, unknown
 from envbench.reference import ReferenceSettings
 from envbench.root import Workbench
-from envbench.scene import Effect, Scene, told
+from envbench.scene import Scene, told
 from envbench.suite import Grid, Knob, Suite
 
 KINDS = {"light": "lights", "material": "materials", "geometry": "geometries", "view": "views"}
@@ -44,7 +45,14 @@ class Turn:
 class SceneSpec:
     """A scene by name and by what its parts mean; small and picklable, so that a worker builds it itself.
 
-    `name` is light/material/geometry/view, the same in every suite, and after it the effects where a suite chose them.
+    `name` is light/material/geometry/view, the same in every suite, and after it the effects where a grid chose them.
+
+    Attributes
+    ----------
+    effects : Plan, tuple of Effect or None
+        What the grid chose.
+    planning : EffectSettings
+        How the effects are chosen, what the grid chose included.
     """
 
     light: str
@@ -54,8 +62,9 @@ class SceneSpec:
     specs: Mapping[str, Spec]
     turn: Turn | None = None
     position: int = field(default=0, compare=False)
-    effects: tuple[Effect, ...] | None = None
+    effects: str | tuple[str, ...] | None = None
     floor: float | None = None
+    planning: EffectSettings = field(default_factory=EffectSettings)
 
     @property
     def name(self) -> str:
@@ -66,7 +75,8 @@ class SceneSpec:
     def meaning(self) -> dict[str, Any]:
         """What the four names meant, and of a step of a hard case what was turned."""
         turn = {} if self.turn is None else {"knob": {"vary": self.turn.vary, "value": self.turn.value}}
-        chosen = {} if self.effects is None else {"effects": {"only": [effect.value for effect in self.effects]}}
+        listed = not isinstance(self.planning.plan, str)
+        chosen = {"effects": {"only": [str(effect) for effect in self.planning.plan]}} if listed else {}
         return {**self.specs, **turn, **chosen}
 
     def place(self) -> dict[str, Any]:
@@ -81,17 +91,18 @@ class SceneSpec:
 
     def build(self, catalogue: Catalogue) -> Scene:
         """Build the scene; raises `BadInput`."""
-        return catalogue.scene(name=self.name, effects=self.effects, **self.specs)
+        scene = catalogue.scene(name=self.name, effects=self.planning.plan, **self.specs)
+        return replace(scene, order=self.planning.order)
 
 
 def expand(grid: Grid, suite: Suite, bench: Workbench) -> Iterator[SceneSpec]:
     """Yield the scenes of a grid, each name looked up among the suite's tables and the catalogue's presets."""
-    effects = None if grid.effects is None else tuple(sorted(set(grid.effects)))
+    planning = suite.effects if grid.effects is None else replace(suite.effects, plan=grid.effects)
     axes = {"light": grid.lights, "material": grid.materials, "geometry": (grid.geometry,), "view": (grid.view,)}
     found = {kind: {name: look_up(kind, name, suite, bench) for name in names} for kind, names in axes.items()}
     for names in itertools.product(*axes.values()):
         specs = {kind: found[kind][name] for kind, name in zip(axes, names, strict=True)}
-        yield SceneSpec(*names, specs=specs, effects=effects, floor=grid.floor)
+        yield SceneSpec(*names, specs=specs, effects=grid.effects, floor=grid.floor, planning=planning)
 
 
 def steps(knob: Knob, suite: Suite, bench: Workbench, what: str = "knob") -> Iterator[SceneSpec]:
@@ -119,7 +130,7 @@ def steps(knob: Knob, suite: Suite, bench: Workbench, what: str = "knob") -> Ite
         if kind != "method":
             turned[kind] = _turned(specs[kind], knob.vary, value, what, suite, bench)
         names = named | {varied: f"{knob.name} = {turn.setting}".replace("/", ":")}
-        yield SceneSpec(*names.values(), specs=turned, turn=turn)
+        yield SceneSpec(*names.values(), specs=turned, turn=turn, planning=suite.effects)
 
 
 def look_up(kind: str, name: str, suite: Suite, bench: Workbench) -> Spec:

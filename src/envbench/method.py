@@ -35,7 +35,7 @@ from numpy.typing import NDArray
 from envbench.environment import Environment
 from envbench.geometry import Geometry, Points, Viewer
 from envbench.material import Material
-from envbench.scene import Effect, Scene
+from envbench.scene import FREE, Effect, Scene
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ class Method(ABC):
     """One line: what it stores and how it looks that up."""
     source: ClassVar[str]
     """The paper, and the equation or section."""
-    simulates: ClassVar[frozenset[Effect]] = frozenset({Effect.VIEW_DEPENDENCE})
+    simulates: ClassVar[frozenset[Effect]] = FREE
 
     def declines(self, scene: Scene) -> str | None:
         """Return why this method cannot render `scene` at all, or None.

@@ -142,7 +142,7 @@ def plan(suite: SuiteFile, bench: Workbench, *, scenes: Sequence[str] = (), meth
             absent.setdefault(str(error), []).append(spec.name)
             continue
         notes.update(dict.fromkeys(remarks(scene)))
-        content = _content(scene, spec.reference(suite.reference))
+        content = _content(scene, spec, suite.reference)
         for choice in chosen:
             key = hashlib.sha256("\0".join((*content, choice.identity)).encode()).hexdigest()
             cells.append(CellSpec(key, spec, choice.method, choice.settings, choice.identity))
@@ -225,10 +225,9 @@ def _listed(names: Sequence[str]) -> str:
     return names[0] + (f" and {more} more scene{'s' if more > 1 else ''}" if more else "")
 
 
-def _content(scene: Scene, reference: ReferenceSettings) -> tuple[str, ...]:
-    effects = ",".join(sorted(scene.effects))
+def _content(scene: Scene, spec: SceneSpec, reference: ReferenceSettings) -> tuple[str, ...]:
     parts = (scene.environment, scene.material, scene.geometry, scene.points)
-    return (scene.name, *(part.key for part in parts), effects, repr(reference))
+    return (scene.name, *(part.key for part in parts), repr(spec.planning), repr(spec.reference(reference)))
 
 
 def overridden(suite: SuiteFile, *, floor: float | None, variant: str | None, rounds: int | None) -> SuiteFile:

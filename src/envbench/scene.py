@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from enum import StrEnum
 
 from envbench.environment import Environment
@@ -22,6 +22,18 @@ class Effect(StrEnum):
     DEFORMATION = "deformation"
     PERSPECTIVE = "perspective"
     LIGHT_DETAIL = "light detail"
+
+
+FREE = frozenset({Effect.VIEW_DEPENDENCE, Effect.ANISOTROPY, Effect.PERSPECTIVE, Effect.LIGHT_DETAIL})
+"""Effects that cost ground truth nothing: the same rays are cast with them and without."""
+
+
+class Plan(StrEnum):
+    """How the effects of a scene are chosen: by need, by its facts alone, or all, facts unheeded."""
+
+    AUTO = "auto"
+    FACTS = "facts"
+    ALL = "all"
 
 
 class Basis(StrEnum):
@@ -66,15 +78,19 @@ class Decision:
     bounces: int | None = None
 
 
-def told(effects: Iterable[Effect] | None) -> str:
+def told(effects: str | Iterable[str] | None) -> str:
     """Return what sets a scene's name apart from that of the same scene with its usual effects, for which it is empty.
 
     Examples
     --------
     >>> told([Effect.SELF_SHADOWING, Effect.INTERREFLECTION]), told([]), told(None)
     (' [interreflection, self-shadowing]', ' [no effects]', '')
+    >>> told(Plan.ALL), told(Plan.AUTO)
+    (' [effects: all]', ' [effects: auto]')
     """
-    return "" if effects is None else f" [{', '.join(sorted(set(effects))) or 'no effects'}]"
+    if effects is None:
+        return ""
+    return f" [effects: {effects}]" if isinstance(effects, str) else f" [{', '.join(sorted(set(effects))) or 'no effects'}]"
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,7 +102,10 @@ class Scene:
     viewer : Viewer or None
         None where every point has a view of its own (uniform queries).
     effects : frozenset of Effect
-        What the reference simulates here; a method that lacks one is scored with the lack named.
+        What the reference simulates here, neither more nor less; a method that lacks one is scored with the lack named.
+        An effect that the scene has no occasion for makes no difference. By default those that cost nothing.
+    order : int
+        Bands of the light, l < order, that are left where its detail is not simulated.
     bounces : int or None
         How often light may come by way of the shape, where the scene calls for inter-reflection and that was worked
         out; None is as the reference's settings say.
@@ -100,6 +119,7 @@ class Scene:
     geometry: Geometry
     points: Points
     viewer: Viewer | None = None
-    effects: frozenset[Effect] = field(default=frozenset())
+    effects: frozenset[Effect] = FREE
     bounces: int | None = None
     decisions: tuple[Decision, ...] = ()
+    order: int = 6

@@ -9,9 +9,9 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+from envbench.effects import EffectSettings, chosen
 from envbench.errors import BadInput
 from envbench.reference import ReferenceSettings
-from envbench.scene import Effect
 from envbench.settings import construct
 
 Tables = dict[str, dict[str, Any]]
@@ -54,8 +54,9 @@ class Grid:
         Labels of the suite's ``[[methods]]`` that run here; None is all of them.
     optional : bool
         Leave out, with a note, the scenes whose files of data are absent, instead of refusing to begin.
-    effects : tuple of Effect or None
-        What ground truth simulates here; None is all that the scene's facts call for.
+    effects : Plan, tuple of Effect or None
+        What ground truth simulates here: ``"auto"``, ``"facts"``, ``"all"`` or a list (`EffectSettings.plan`); None is
+        as ``[effects]`` says.
     floor : float or None
         Noise floor of ground truth here; None is that of ``[reference]``.
     """
@@ -66,10 +67,12 @@ class Grid:
     view: str = "image"
     methods: tuple[str, ...] | None = None
     optional: bool = False
-    effects: tuple[Effect, ...] | None = None
+    effects: str | tuple[str, ...] | None = None
     floor: float | None = None
 
     def __post_init__(self) -> None:
+        if self.effects is not None:
+            object.__setattr__(self, "effects", chosen(self.effects))
         if self.floor is not None:
             ReferenceSettings(floor=self.floor)  # which says what is wrong with it
 
@@ -211,6 +214,8 @@ class Suite:
 
     Attributes
     ----------
+    effects : EffectSettings
+        Which effects ground truth simulates, where a grid does not say.
     lights, materials, geometries, views : dict of dict
         The suite's own named tables, beside the catalogue's presets.
     methods : tuple of dict
@@ -230,6 +235,7 @@ class Suite:
     description: str = ""
     reference: ReferenceSettings = field(default_factory=ReferenceSettings)
     timing: TimingSettings = field(default_factory=TimingSettings)
+    effects: EffectSettings = field(default_factory=EffectSettings)
     lights: Tables = field(default_factory=Tables)
     materials: Tables = field(default_factory=Tables)
     geometries: Tables = field(default_factory=Tables)
@@ -249,6 +255,11 @@ class SuiteFile(Suite):
 
     text: str = ""
     folder: Path = Path()
+
+
+_KINDS: dict[str, type[Any]] = {
+    "reference": ReferenceSettings, "timing": TimingSettings, "effects": EffectSettings, "survey": Survey,
+}  # fmt: skip
 
 
 def read(path: Path) -> SuiteFile:
@@ -277,7 +288,7 @@ def parse(text: str, what: str, folder: Path = Path()) -> SuiteFile:
     table.setdefault("name", Path(what).stem)
     parts: dict[str, Any] = {
         key: construct(kind, _table(table.pop(key), f"{what}: [{key}]"), f"{what}: [{key}]")
-        for key, kind in {"reference": ReferenceSettings, "timing": TimingSettings, "survey": Survey}.items()
+        for key, kind in _KINDS.items()
         if key in table
     }
     scenes = _tables(table.pop("scenes", []), what, "scenes")

@@ -19,7 +19,7 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from envbench import furnace, llvm, metrics, root, timing
+from envbench import effects, furnace, llvm, metrics, root, timing
 from envbench.answers import checked, modulated
 from envbench.errors import BadInput, CannotRun, unknown
 from envbench.failures import failure
@@ -153,10 +153,12 @@ class Desk:
         if self.scene is None or self.truth is None or self.spec != spec:
             asset = None if self.scene is None else (self.scene.material.key, self.scene.geometry.rest.key)
             self.scene = self.truth = None
+            settings = spec.reference(self.settings)
             scene = spec.build(self.bench.catalogue)
+            scene = self.bench.catalogue.effects(scene, spec.planning, settings, self.setup.cache)
             if asset != (scene.material.key, scene.geometry.rest.key):
                 self.prepared.clear()
-            truth = self.bench.catalogue.reference(scene, spec.reference(self.settings), self.setup.cache)
+            truth = self.bench.catalogue.reference(scene, settings, self.setup.cache)
             _ = scene.points.reflection  # part of the queries: no method pays for it
             self.spec, self.scene, self.truth = spec, scene, truth
         return self.scene, self.truth
@@ -254,7 +256,12 @@ def describe(spec: SceneSpec, scene: Scene, truth: Reference) -> SceneResult:
         reference_seconds=truth.seconds,
         reference_from_cache=truth.from_cache,
         reference_rms=truth.rms,
-        notes=(*remarks(scene), *filter(None, [furnace.clipping(scene)]), *truth.notes),
+        notes=(
+            *effects.warnings(scene.decisions, spec.planning.limit),
+            *remarks(scene),
+            *filter(None, [furnace.clipping(scene)]),
+            *truth.notes,
+        ),
         **spec.place(),
         image=image(truth.mean, scene),
     )

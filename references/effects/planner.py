@@ -1,0 +1,309 @@
+"""Which effects ground truth simulates on a scene: by facts, else by probes whose bounds decide against the tolerance.
+
+Everything is held against the scene with all effects that it has occasion for ("full"), but self-shadowing: without it
+there is nothing to reflect light onto the shape, so with and without it are compared without bounces.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from envbench.directions import Array
+from envbench.effects import EffectSettings, Probe
+from envbench.reference import ReferenceSettings
+from envbench.scene import FREE, Basis, Decision, Effect, Plan, Scene
+from references.effects.bounces import rest_of_bounces
+from references.effects.facts import Fact, facts
+from references.effects.probe import Bound, Estimators, Looks, Variant, look, needed_samples
+
+SHADOWS, BOUNCES, POSED = Effect.SELF_SHADOWING, Effect.INTERREFLECTION, Effect.DEFORMATION
+_FIRST = 512, 16
+"""Points and samples of the first look: enough to see what matters much."""
+_SAMPLES = 4, 16, 64, 256, 1024
+"""Samples of the looks at all points that follow, until the bounds decide."""
+_SHARE, _LEAST = 0.05, 0.3
+"""Budget of the probes: part of what leaving effects out could save, and seconds at least."""
+_FIRST_LOOK = 64
+"""Samples a point that a reference takes at least."""
+
+
+def planned(scene: Scene, settings: EffectSettings, reference: ReferenceSettings) -> Scene:
+    """Return the scene with the effects, bounces and decisions that the settings lead to.
+
+    Parameters
+    ----------
+    scene : Scene
+        With a list of effects in `settings`, its own effects are those; else they are not looked at.
+    settings : EffectSettings
+    reference : ReferenceSettings
+        How ground truth will be made: its noise floor and budget tell what simulating an effect costs.
+    """
+    scene = replace(scene, order=settings.order)
+    known = facts(scene)
+    match settings.plan:
+        case Plan.ALL:
+            return _all(scene, known)
+        case Plan.FACTS:
+            decisions = tuple(_by_fact(effect, fact, "") for effect, fact in known.items())
+            return _with(scene, decisions)
+        case Plan.AUTO:
+            return _Planner(scene, settings, reference, known).plan()
+        case _:
+            return _Planner(scene, settings, reference, known).listed(frozenset(Effect(e) for e in settings.plan))
+
+
+def _all(scene: Scene, known: dict[Effect, Fact]) -> Scene:
+    """Return the scene with everything on, shadows and bounces on convex shapes too."""
+    wanted = {e for e, fact in known.items() if fact.occasion} | {SHADOWS, BOUNCES}
+    wanted |= {POSED} if scene.geometry.pose is not None else set()
+    pose = scene.geometry.pose
+    unheeded = replace(scene.geometry, convex=False, pose=None if pose is None else replace(pose, convex=False))
+    decisions = tuple(
+        Decision(effect, True, Basis.USER, "all effects are asked for")
+        if effect in wanted
+        else _by_fact(effect, known[effect], "")
+        for effect in Effect
+    )
+    return replace(_with(scene, decisions), geometry=unheeded)
+
+
+def _with(scene: Scene, decisions: Iterable[Decision]) -> Scene:
+    decisions = tuple(decisions)
+    bounces = next((d.bounces for d in decisions if d.effect is BOUNCES), None)
+    simulated = frozenset(d.effect for d in decisions if d.simulated)
+    return replace(scene, effects=simulated, bounces=bounces, decisions=decisions)
+
+
+def _by_fact(effect: Effect, fact: Fact, more: str) -> Decision:
+    if fact.occasion:
+        return Decision(effect, True, Basis.FACT, fact.reason + more)
+    return Decision(effect, False, Basis.FACT, fact.reason, 0.0, 0.0, 0.0, 0.0)
+
+
+@dataclass
+class _Planner:
+    """One scene's plan in the making.
+
+    Attributes
+    ----------
+    bounds : dict
+        What leaving an effect out makes, by effect; of inter-reflection, by the bounces that are left.
+    """
+
+    scene: Scene
+    settings: EffectSettings
+    reference: ReferenceSettings
+    known: dict[Effect, Fact]
+    estimators: Estimators = field(default_factory=Estimators)
+    looks: list[Looks] = field(default_factory=list[Looks])
+    bounds: dict[Effect, list[Bound]] = field(default_factory=dict[Effect, list[Bound]])
+    started: float = 0.0
+
+    def plan(self) -> Scene:
+        """Decide by facts, then by probes, then on all that is left out together."""
+        probed = [e for e in Effect if self._probed(e)]
+        more = {e: "; simulating it costs nothing" for e in FREE}
+        if self.reference.variant.startswith("scalar"):
+            more |= dict.fromkeys(probed, "; not probed, for a scalar variant is too slow")
+            probed = []
+        made: dict[Effect, Decision] = {}
+        if probed:
+            self._probe(probed)
+            made = self._decisions(probed)
+        return _with(self.scene, (made.get(e) or _by_fact(e, fact, more.get(e, "")) for e, fact in self.known.items()))
+
+    def listed(self, chosen: frozenset[Effect]) -> Scene:
+        """Take the effects of a list, and measure those that it leaves out."""
+        probed = [e for e in Effect if self.known[e].occasion and e not in chosen]
+        if probed and not self.reference.variant.startswith("scalar"):
+            self._probe(probed)
+        decisions: list[Decision] = []
+        for effect, fact in self.known.items():
+            if effect in chosen:
+                note = "" if fact.occasion else f", though {fact.reason}"
+                decisions.append(Decision(effect, True, Basis.USER, f"asked for{note}"))
+            elif effect in self.bounds:
+                decisions.append(replace(self._decision(effect, False, "left out as asked"), basis=Basis.USER))
+            elif fact.occasion:
+                decisions.append(Decision(effect, False, Basis.USER, "left out as asked"))
+            else:
+                decisions.append(_by_fact(effect, fact, ""))
+        return _with(self.scene, decisions)
+
+    # ---- what is asked
+
+    def _probed(self, effect: Effect) -> bool:
+        return self.known[effect].occasion and (effect not in FREE or self.settings.probe == Probe.ALL)
+
+    @property
+    def _full(self) -> Variant:
+        effects = frozenset(e for e, fact in self.known.items() if fact.occasion)
+        return Variant(effects, self.reference.bounces if BOUNCES in effects else 0)
+
+    def _less(self, effect: Effect) -> Variant:
+        """Return the variant that an effect is missing from; without shadows there are no bounces either."""
+        effects = self._full.effects - {effect}
+        return Variant(effects - {BOUNCES, POSED}) if effect is SHADOWS else Variant(effects, self._full.bounces)
+
+    def _rendered(self, looks: Looks, variant: Variant) -> Array:
+        """Return what a variant looks like, (K, n, 3); one of fewer bounces is part of the full one."""
+        full = self._full
+        if variant.effects | {BOUNCES} == full.effects | {BOUNCES}:
+            return looks.bounced(full, self.estimators)[variant.bounces]
+        return looks.bounced(variant, self.estimators)[-1]
+
+    def _measure(self, looks: Looks, effect: Effect) -> list[Bound]:
+        """Return what leaving an effect out makes: of bounces, all of them, all but one, all but two ..."""
+        full = self._rendered(looks, self._full)
+        match effect:
+            case Effect.INTERREFLECTION:
+                rests = [looks.bound(full, self._rendered(looks, Variant(self._full.effects, k)))
+                         for k in range(self._full.bounces)]  # fmt: skip
+                most = rest_of_bounces(self.scene, self._full.bounces) / _rms(full)
+                return [replace(b, high=min(b.high, float(m))) for b, m in zip(rests, most, strict=True)]
+            case Effect.SELF_SHADOWING:
+                full = self._rendered(looks, Variant(self._full.effects, 0))
+            case _:
+                pass
+        return [looks.bound(full, self._rendered(looks, self._less(effect)))]
+
+    # ---- looking until the bounds decide
+
+    def _probe(self, probed: list[Effect]) -> None:
+        self.started = time.perf_counter()
+        undecided = list(probed)
+        for looks in self._levels():
+            self.looks.append(looks)
+            for effect in undecided:
+                self.bounds[effect] = self._measure(looks, effect)
+            undecided = [e for e in undecided if not self._decided(e)]
+            if not undecided or not self._affordable():
+                break
+        if len(self.looks) == 1:  # whose time was that of compiling
+            again = replace(self.looks[0], seconds={}, seen={})
+            self.looks.insert(0, again)
+            for variant in self.looks[-1].seen:
+                again.bounced(variant, self.estimators)
+
+    def _levels(self) -> Iterable[Looks]:
+        count, samples = _FIRST
+        first = look(self.scene, self.reference, count, samples, 0)
+        yield first
+        for number, samples in enumerate(_SAMPLES, 1):
+            if not (first.whole and samples <= first.samples):
+                yield look(self.scene, self.reference, len(self.scene.points), samples, number)
+
+    def _decided(self, effect: Effect) -> bool:
+        """Whether the bounds tell which side of the tolerance a contribution is on: of bounces, for each number."""
+        limit = self.settings.limit
+        return all(bound.low > limit or bound.high < limit for bound in self.bounds[effect][: self._enough(effect) + 1])
+
+    def _enough(self, effect: Effect) -> int:
+        """Return the fewest bounces whose rest stays below the tolerance, or how many there are; of others 0 or 1."""
+        bounds = self.bounds[effect]
+        return next((k for k, bound in enumerate(bounds) if bound.high < self.settings.limit), len(bounds))
+
+    @property
+    def _budget(self) -> float:
+        if self.settings.budget is not None:
+            return self.settings.budget
+        bare = self._less(SHADOWS) if SHADOWS in self._full.effects else self._full
+        return max(_LEAST, _SHARE * (self._cost(self._full) - self._cost(bare)))
+
+    def _affordable(self) -> bool:
+        return time.perf_counter() - self.started < self._budget
+
+    # ---- what it costs
+
+    def _rate(self, variant: Variant) -> float:
+        """Return seconds a sample, by the quickest look; of what was not looked at, in proportion to its rays."""
+        known = [looks.seconds[variant] / looks.lanes for looks in self.looks if variant in looks.seconds]
+        if known:
+            return min(known)
+        share = (1 + variant.bounces) / (1 + self._full.bounces) if SHADOWS in variant.effects else 0.5
+        return self._rate(self._full) * share
+
+    def _cost(self, variant: Variant) -> float:
+        """Estimate what a reference takes: the rate of the probe by the samples that its noise calls for."""
+        looks = self.looks[-1]
+        values = self._rendered(looks, self._full)
+        samples = needed_samples(values, np.ones(values.shape[1]), looks.samples, self.reference.floor)
+        lanes = max(samples, _FIRST_LOOK) * self.reference.replicates * len(self.scene.points)
+        return min(self._rate(variant) * lanes, self.reference.budget)
+
+    def _spent(self, effect: Effect) -> float:
+        """Return the seconds of an effect's own renderings, and its share of those that all are held against."""
+        own = 0.0 if effect is BOUNCES else sum(looks.seconds.get(self._less(effect), 0.0) for looks in self.looks)
+        return own + sum(looks.seconds.get(self._full, 0.0) for looks in self.looks) / len(self.bounds)
+
+    # ---- decisions
+
+    def _decisions(self, probed: list[Effect]) -> dict[Effect, Decision]:
+        kept, reasons = self._kept(probed)
+        self._together(kept, reasons)
+        if kept.get(BOUNCES) and not kept.get(SHADOWS, 1):
+            kept[SHADOWS], reasons[SHADOWS] = 1, "small by itself, but what sends light on hides it too"
+        if kept.get(POSED) and not kept.get(SHADOWS, 1):
+            kept[POSED], reasons[POSED] = 0, "nothing to act on: no shadows are simulated"
+        if kept.get(BOUNCES):
+            most = self._full.bounces
+            rest = self.bounds[BOUNCES][kept[BOUNCES]].high if kept[BOUNCES] < most else 0.0
+            more = f": {kept[BOUNCES]} of {most} bounces" + (f", the rest adds at most {rest:.2%}" if rest else "")
+            reasons[BOUNCES] += more
+        return {e: self._decision(e, kept[e] > 0, reasons[e], kept[e] if e is BOUNCES else None) for e in probed}
+
+    def _kept(self, probed: list[Effect]) -> tuple[dict[Effect, int], dict[Effect, str]]:
+        """Return what the bounds of each effect say: 1 to simulate it, or its bounces; 0 to leave it out."""
+        kept = {effect: self._enough(effect) for effect in probed}
+        reasons: dict[Effect, str] = {}
+        for effect in probed:
+            decided = self._decided(effect)
+            if not kept[effect]:
+                reasons[effect] = "below the tolerance"
+            elif decided or self.bounds[effect][0].low > self.settings.limit:
+                reasons[effect] = "above the tolerance"
+            else:
+                reasons[effect] = f"undecided within its budget of {self._budget:.2g} s: simulated"
+        return kept, reasons
+
+    def _together(self, kept: dict[Effect, int], reasons: dict[Effect, str]) -> None:
+        """Put effects back, the largest first, until what is left out stays below the tolerance together."""
+        full = self._rendered(self.looks[-1], self._full)
+        while True:
+            without = {e for e, many in kept.items() if not many}
+            if SHADOWS in without and not kept.get(BOUNCES):
+                without.add(POSED)
+            elif BOUNCES in kept:
+                without.discard(SHADOWS)
+            bounces = kept.get(BOUNCES, self._full.bounces)
+            if not without - {SHADOWS, BOUNCES, POSED} and bounces == self._full.bounces and not without:
+                return
+            variant = Variant(self._full.effects - without, bounces)
+            if self.looks[-1].bound(full, self._rendered(self.looks[-1], variant)).high < self.settings.limit:
+                return
+            rests = {e: self.bounds[e][many].value for e, many in kept.items() if many < len(self.bounds[e])}
+            largest = max(rests, key=lambda e: rests[e])
+            kept[largest] += 1
+            reasons[largest] = "below the tolerance by itself, not together with others"
+
+    def _decision(self, effect: Effect, simulated: bool, reason: str, bounces: int | None = None) -> Decision:
+        bound = self.bounds[effect][0]
+        most = self._cost(self._full)
+        cost = max(most - self._cost(self._less(effect)), 0.0)
+        if effect is BOUNCES and simulated:
+            saved = max(most - self._cost(Variant(self._full.effects, bounces or 0)), 0.0)
+        else:
+            saved = 0.0 if simulated else cost
+        return Decision(
+            effect, simulated, Basis.PROBE, reason, bound.value, bound.low, bound.high, cost, saved,
+            self._spent(effect), bounces if simulated else None,
+        )  # fmt: skip
+
+
+def _rms(values: Array) -> float:
+    """Return nine tenths of the RMS of replicates (K, n, 3): less than it is."""
+    return 0.9 * float(np.sqrt((values.mean(0) ** 2).mean()))
