@@ -139,8 +139,8 @@ def scene(*effects: Effect, posed: bool = False, placed: bool = True) -> Scene:
     if placed:
         where = replace(where, triangle=np.zeros(2, np.int32), barycentric=np.full((2, 3), 1 / 3))
     shape = replace(Geometry("sphere"), pose=pose)
-    return Scene("s", Environment("l", np.ones((4, 8, 3), np.float32)), Material("m", (Lambertian(),)), shape, where, None,
-                 frozenset(effects), bounces=5)  # fmt: skip
+    light, white = Environment("l", np.ones((4, 8, 3), np.float32)), Material("m", (Lambertian(),))
+    return Scene("s", light, white, shape, where, None, frozenset(effects), bounces=5)
 
 
 @pytest.mark.parametrize(
