@@ -20,13 +20,14 @@ from envbench.store import Store
 from reports import numerals
 from reports.animations import reels
 from reports.claims import claims
+from reports.effects import effects, warnings
 from reports.hard import hard_cases
 from reports.materials import PAPER_ABOVE, PAPER_SAMPLES, PAPER_WORST, materials
 from reports.measured import CLOSE, held
 from reports.pictures import colour_bar, gallery, thinning
 from reports.plots import marks, plot_data
 from reports.studies import studies
-from reports.table import nrmse, table
+from reports.table import cause, nrmse, table
 from reports.verdict import LEVELS, SITUATIONS, competitions, glance, score, settings_text, varied, verdicts
 
 _TEMPLATES = Path(__file__).parent / "templates"
@@ -150,6 +151,9 @@ def _fill(
         troubles=_troubles(cells),
         metrics=METRICS.values(),
         nrmse_of=_nrmse_of,
+        cause_of=cause,
+        effects=effects(scenes),
+        warnings=warnings,
         settings_text=settings_text,
         data=plot_data(scenes, cells),
         style=Markup((_TEMPLATES / "report.css").read_text(encoding="utf-8")),

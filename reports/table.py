@@ -7,8 +7,10 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
+from envbench.attribution import sentence, split
 from envbench.metrics import METRICS
 from envbench.records import CellResult, Phase, SceneResult, Score, Status
+from reports.effects import warnings
 from reports.measured import exception
 from reports.numerals import RADIANCE, UNDEFINED, between, percent, ratio, seconds, size, three
 from reports.verdict import score, settings_text, timing, varied
@@ -55,6 +57,8 @@ _IN_PERCENT = ("nrmse", "max_error", "worst_view")
 _NEAR_ONE = ("energy_ratio", "captured_energy", "ssim")
 _SHOWN_WITH_NRMSE = ("captured_energy", "mse", "rmse", "max_error")
 """What says the same in other units, or nearly: no columns of their own."""
+_CAUSE = "error by cause"
+"""The column of what an NRMSE consists of; its parts have none of their own."""
 FURNACE = 1e-3
 """How far from 1 the energy ratio under constant light may be before the row says what is lost."""
 
@@ -62,8 +66,11 @@ FURNACE = 1e-3
 def table(scenes: Sequence[SceneResult], cells: Sequence[CellResult]) -> Table:
     """Build the table; scene fields that never vary are left out, light and material always stand."""
     names = ("light", "material", *varied(scenes, ("geometry", "view")))
-    scored = {entry.metric for cell in cells for entry in cell.scores} - set(_SHOWN_WITH_NRMSE)
+    parts = {name for name, metric in METRICS.items() if metric.splits}
+    scored = {entry.metric for cell in cells for entry in cell.scores} - set(_SHOWN_WITH_NRMSE) - parts
     metrics = tuple(name for name in METRICS if name in scored) + tuple(sorted(scored - set(METRICS)))
+    if any(split(cell) for cell in cells):
+        metrics = (*metrics[:1], _CAUSE, *metrics[1:])
     index = {scene.name: i for i, scene in enumerate(scenes)}
     rows = tuple(
         Row(
@@ -85,6 +92,13 @@ def table(scenes: Sequence[SceneResult], cells: Sequence[CellResult]) -> Table:
     return Table((*_columns(names, metrics),), rows)
 
 
+_CAUSE_TITLE = (
+    "of the RMS radiance: the method against the reference without what it lacks, and that reference against the whole "
+    "one; beneath, their 95 % intervals, and the cross term: the square of the NRMSE is the sum of both squares and "
+    "twice that. Sorts by what is ignored"
+)
+
+
 def _columns(names: Sequence[str], metrics: Sequence[str]) -> list[Column]:
     return [
         *(Column(name, f"{name} of the scene", number=False) for name in names),
@@ -92,7 +106,9 @@ def _columns(names: Sequence[str], metrics: Sequence[str]) -> list[Column]:
         Column("settings", "the method's settings; hover for what it chose", number=False),
         Column("status", "how the cell ended, and why", number=False),
         *(
-            Column(METRICS[name].title, METRICS[name].formula) if name in METRICS else Column(name, name)
+            Column(METRICS[name].title, METRICS[name].formula)
+            if name in METRICS
+            else Column(name, _CAUSE_TITLE if name == _CAUSE else name)
             for name in metrics
         ),
         Column(
@@ -108,7 +124,9 @@ def _columns(names: Sequence[str], metrics: Sequence[str]) -> list[Column]:
 def _scene_entries(cell: CellResult, scene: SceneResult | None, names: Sequence[str]) -> list[Entry]:
     if scene is None:
         return [Entry(cell.scene, "no reference", cell.scene), *[Entry()] * (len(names) - 1)]
-    return [Entry(getattr(scene, name), order=getattr(scene, name), title=scene.name) for name in names]
+    first, *others = (Entry(getattr(scene, name), order=getattr(scene, name), title=scene.name) for name in names)
+    said = warnings(scene)
+    return [replace(first, note="; ".join(said), kind="warn") if said else first, *others]
 
 
 def _settings(cell: CellResult) -> Entry:
@@ -117,7 +135,26 @@ def _settings(cell: CellResult) -> Entry:
     return Entry(text, order=text, title=f"chosen: {chosen}" if chosen else "", kind="settings")
 
 
+def _cause(cell: CellResult) -> Entry:
+    parts = split(cell)
+    if parts is None:
+        return Entry()
+    done, ignored, cross = parts
+    if math.isnan(ignored.value):
+        return Entry(UNDEFINED)
+    intervals = f"{_interval(done, percent)}; {_interval(ignored, percent)}"
+    note = f"{intervals}; cross term {three(cross.value)} ({_interval(cross, three)})"
+    return Entry(cause(cell), note, _order(ignored.value), kind="cause")
+
+
+def cause(cell: CellResult) -> str:
+    """Say what a cell's NRMSE consists of; empty where it is not split."""
+    return sentence(cell, lambda part: f"< {percent(part.high)}" if part.below_floor else percent(part.value))
+
+
 def _metric(cell: CellResult, name: str, scene: SceneResult | None) -> Entry:
+    if name == _CAUSE:
+        return _cause(cell)
     entry = score(cell, name)
     if entry is None:
         return Entry()

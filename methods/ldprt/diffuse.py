@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from dataclasses import dataclass, fields
-from typing import Any
+from dataclasses import dataclass, fields, replace
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +23,11 @@ from methods.ldprt.corners import Corners
 from methods.ldprt.simulated import SIMULATIONS, Request
 from methods.ldprt.transfer import MOST_BANDS, MOST_RAYS, Kind, Transfer
 
+AUTO = "auto"
 SIMULATED = (Kind.UNSHADOWED, Kind.SHADOWED, Kind.INTERREFLECTED)
+CALLS = {Effect.INTERREFLECTION: Kind.INTERREFLECTED, Effect.SELF_SHADOWING: Kind.SHADOWED}
+"""What transfer an effect calls for; of several, the first."""
+MOST_BOUNCES = 16
 NEEDS_MESH = "transfer is stored at vertices: it needs a mesh"
 
 
@@ -54,28 +58,41 @@ class Diffuse(Method):
     ----------
     order : int
         n: light and transfer hold the bands l < n.
-    transfer : {"unshadowed", "shadowed", "interreflected"}
+    transfer : {"auto", "unshadowed", "shadowed", "interreflected"}
+        "auto" is what the effects of the scene call for, and shadowed where there is no scene.
     rays : int
         From each vertex.
     bounces : int
-        Of inter-reflected transfer. The light that a surface sends on is that of its mean reflectance, in one channel.
+        Of inter-reflected transfer; with "auto" the scene's own, where it has a number. The light that a surface sends
+        on is that of its mean reflectance, in one channel.
     seed : int
         Of the rays.
     """
 
     order: int = 6
-    transfer: str = "shadowed"
+    transfer: str = AUTO
     rays: int = 5000
     bounces: int = 1
     seed: int = 0
 
     def __post_init__(self) -> None:
-        if self.transfer not in SIMULATED:
-            known = ", ".join(repr(str(kind)) for kind in SIMULATED)
+        if self.transfer not in (AUTO, *SIMULATED):
+            known = ", ".join(repr(str(kind)) for kind in (AUTO, *SIMULATED))
             raise BadInput(f"transfer must be one of {known}. Got '{self.transfer}' instead.")
-        for name, low, high in (("order", 2, MOST_BANDS), ("rays", 10, MOST_RAYS), ("bounces", 1, 16)):
+        for name, low, high in (("order", 2, MOST_BANDS), ("rays", 10, MOST_RAYS), ("bounces", 1, MOST_BOUNCES)):
             if not low <= getattr(self, name) <= high:
                 raise BadInput(f"{name} must lie in [{low}, {high}]. Got {getattr(self, name)} instead.")
+
+    def called_for(self, scene: Scene) -> Self:
+        """Settle "auto": the transfer that the scene's effects call for; a membrane has but its closed form."""
+        if self.transfer != AUTO:
+            return self
+        thin = any(isinstance(lobe, Membrane) for lobe in scene.material.lobes)
+        called = [kind for effect, kind in CALLS.items() if effect in scene.effects and not thin]
+        kind = called[0] if called else Kind.UNSHADOWED
+        known = kind is Kind.INTERREFLECTED and scene.bounces is not None
+        bounces = min(scene.bounces or 1, MOST_BOUNCES) if known else self.bounces
+        return replace(self, transfer=kind.value, bounces=bounces)
 
     def lacks(self, scene: Scene) -> frozenset[Effect]:
         """Shadows and bounces are those of the shape at rest, if they were simulated."""
@@ -84,7 +101,7 @@ class Diffuse(Method):
             Kind.SHADOWED: {Effect.SELF_SHADOWING},
             Kind.INTERREFLECTED: {Effect.SELF_SHADOWING, Effect.INTERREFLECTION},
         }
-        return scene.effects - own[Kind(self.transfer)]
+        return scene.effects - own[Kind(self.called_for(scene).transfer)]
 
     def declines(self, scene: Scene) -> str | None:
         if scene.geometry.mesh is None:
@@ -93,7 +110,8 @@ class Diffuse(Method):
         if any(isinstance(lobe, Membrane) for lobe in lobes):
             if len(lobes) > 1:
                 return "holds a membrane by itself only"
-            return None if self.transfer == Kind.UNSHADOWED else "a membrane's transfer is its closed form: unshadowed"
+            closed = self.transfer in (AUTO, Kind.UNSHADOWED)
+            return None if closed else "a membrane's transfer is its closed form: unshadowed"
         return None if all(isinstance(lobe, Lambertian) for lobe in lobes) else "holds diffuse lobes only"
 
     def prepare(self, material: Material, geometry: Geometry) -> Asset:
@@ -104,7 +122,9 @@ class Diffuse(Method):
         reflectance = np.sum([lobe.reflectance for lobe in material.lobes], axis=0)
         found = self._simulated(material, geometry, float(reflectance.mean()))
         stored, told = self.store(found)
-        how = {"order": self.order, "vertices": len(found.vectors)}
+        how: dict[str, Any] = {"order": self.order, "transfer": found.kind.value, "vertices": len(found.vectors)}
+        if found.kind is Kind.INTERREFLECTED:
+            how["bounces"] = self.bounces
         if found.rays:
             how |= {
                 "rays a vertex": found.rays,
@@ -145,7 +165,8 @@ class Diffuse(Method):
             assert geometry.mesh is not None
             vectors = membrane.transfer(geometry.mesh.normals, self.order, lobe.transparency)
             return Transfer(vectors, np.zeros_like(vectors), Kind.UNSHADOWED, 0, 0.0)
-        kind, several = Kind(self.transfer), self.transfer == Kind.INTERREFLECTED
+        kind = Kind.SHADOWED if self.transfer == AUTO else Kind(self.transfer)
+        several = kind is Kind.INTERREFLECTED
         request = Request(
             self.order, kind, self.rays, self.bounces if several else 0, albedo if several else 1.0, self.seed
         )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Self
 
 import numpy as np
@@ -19,7 +19,7 @@ from envbench.method import Method
 from envbench.scene import Effect, Scene
 from methods.ldprt import fit, glossy, shade
 from methods.ldprt.corners import Corners
-from methods.ldprt.diffuse import NEEDS_MESH, chosen
+from methods.ldprt.diffuse import AUTO, NEEDS_MESH, chosen
 from methods.ldprt.visibility import spread, visible
 
 
@@ -46,7 +46,8 @@ class GlossyLDPRT(Method):
         n_b: singular values of the BRDF that are kept.
     lobes : int
         N, for each row.
-    transfer : {"unshadowed", "shadowed"}
+    transfer : {"auto", "unshadowed", "shadowed"}
+        "auto" is what the effects of the scene call for, and shadowed where there is no scene.
     rays : int
         Directions over the whole sphere that each vertex is asked about, the same for all.
     restarts : int
@@ -56,7 +57,7 @@ class GlossyLDPRT(Method):
     order: int = 4
     rows: int = 3
     lobes: int = 3
-    transfer: str = "shadowed"
+    transfer: str = AUTO
     rays: int = 1024
     restarts: int = 2
 
@@ -65,16 +66,23 @@ class GlossyLDPRT(Method):
     source = "Sloan, Luna and Snyder 2005, eqs. 14 to 16"
 
     def __post_init__(self) -> None:
-        if self.transfer not in ("unshadowed", "shadowed"):
-            raise BadInput(f"transfer must be 'unshadowed' or 'shadowed'. Got '{self.transfer}' instead.")
+        if self.transfer not in (AUTO, "unshadowed", "shadowed"):
+            raise BadInput(f"transfer must be 'auto', 'unshadowed' or 'shadowed'. Got '{self.transfer}' instead.")
         limits = {"order": (2, 12), "rows": (1, self.order**2), "rays": (16, 65536), "restarts": (0, 100)}
         limits["lobes"] = (1, 2 * self.order - 1)
         for key, (low, high) in limits.items():
             if not low <= getattr(self, key) <= high:
                 raise BadInput(f"{key} must lie in [{low}, {high}]. Got {getattr(self, key)} instead.")
 
+    def called_for(self, scene: Scene) -> Self:
+        """Settle "auto": shadows where the scene has them."""
+        if self.transfer != AUTO:
+            return self
+        return replace(self, transfer="shadowed" if Effect.SELF_SHADOWING in scene.effects else "unshadowed")
+
     def lacks(self, scene: Scene) -> frozenset[Effect]:
-        own = {Effect.VIEW_DEPENDENCE, Effect.PERSPECTIVE} | ({Effect.SELF_SHADOWING} if self.transfer == "shadowed" else set[Effect]())
+        shadowed = self.called_for(scene).transfer == "shadowed"
+        own = {Effect.VIEW_DEPENDENCE, Effect.PERSPECTIVE} | ({Effect.SELF_SHADOWING} if shadowed else set[Effect]())
         return scene.effects - own
 
     def declines(self, scene: Scene) -> str | None:
@@ -90,7 +98,8 @@ class GlossyLDPRT(Method):
         if mesh is None:
             raise BadInput(NEEDS_MESH)
         brdf, frames = glossy.factor(material, self.order, self.rows), glossy.frames(mesh.normals)
-        if self.transfer == "unshadowed" or geometry.convex:
+        shadowed = self.transfer != "unshadowed" and not geometry.convex
+        if not shadowed:
             vectors = glossy.unshadowed(brdf.rows, frames)
         else:
             directions = spread(self.rays)
@@ -102,6 +111,7 @@ class GlossyLDPRT(Method):
             *(part.reshape(*several, *part.shape[1:]) for part in (found.axes, found.coefficients, found.direct))
         )
         told = {
+            "transfer": "shadowed" if shadowed else "unshadowed",
             "vertices": len(vectors),
             "SVD error": brdf.svd_error,
             "fit error": float(np.sqrt((off**2).sum() / (vectors**2).sum())),

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from envbench.environment import Environment
 from envbench.errors import BadInput
 from envbench.harmonics import Coefficients, analyse, truncate
-from envbench.material import Centre, Material
+from envbench.material import Centre, Lobe, Material
 from envbench.method import Method
 from envbench.scene import Scene
 from methods.shrm import predictions
@@ -111,12 +111,22 @@ class Expansion(Method):
         told: dict[str, Any] = {
             "F": [c.F for c in held.sums],
             "P": [c.P for c in held.sums],
+            "q": [c.Q for c in held.sums],
+            "lobes": [reason(lobe, part) for lobe, part in zip(held.material.lobes, held.parts, strict=True)],
             "missing energy": [c.missing for c in held.sums],
         }
         worst = max(c.missing for c in held.parts)
         if self.order is None and self.view_order is None and worst > self.eps:
             told["short of eps"] = f"up to F = {MAX_F}, P = {MAX_P} a lobe still lacks {worst:.3g} of its energy"
         return told
+
+
+def reason(lobe: Lobe, part: LobeCoefficients) -> str:
+    """Say to what orders a lobe was expanded, and what symmetry spared."""
+    orders = f"about {lobe.centre}: F = {part.F}, P = {part.P}, q <= {part.Q}"
+    if part.radial:
+        return f"{orders}, radially symmetric"
+    return f"{orders}, no dependence on azimuth" if lobe.azimuthally_symmetric else orders
 
 
 def constant_light(expanded: Expanded) -> float:

@@ -37,10 +37,10 @@ class Choice:
 
     def turned(self, setting: str, value: Any, what: str) -> Choice:
         """Return the choice with one `setting` at another value; raises `BadInput` if the method has or wants none."""
-        full = _values(self.method) | {setting: value}
+        full = values(self.method) | {setting: value}
         method = construct(type(self.method), full, f"{what}: method '{self.method.name}'")
         shown = {**self.settings, setting: plain(value)}
-        return replace(self, identity=_identity(method), method=method, settings=shown)
+        return replace(self, identity=identity(method), method=method, settings=shown)
 
 
 def choices(tables: Iterable[Mapping[str, Any]], bench: Workbench) -> tuple[Choice, ...]:
@@ -73,7 +73,7 @@ def _choices(table: Mapping[str, Any], bench: Workbench) -> Iterator[Choice]:
     if sweep and given:
         raise BadInput(f"{what}: '{min(given)}' stands beside sweep = true; leave one of them out.")
     axes = {key: _axis(cls, key, value, what) for key, value in given.items()}
-    combinations = (dict(zip(axes, values, strict=True)) for values in itertools.product(*axes.values()))
+    combinations = (dict(zip(axes, chosen, strict=True)) for chosen in itertools.product(*axes.values()))
     instances = cls.sweep() if sweep else [construct(cls, settings, what) for settings in combinations]
     yield from _labelled(cls, list(instances), given, label)
 
@@ -94,21 +94,23 @@ def _axis(cls: type[Method], key: str, value: Any, what: str) -> list[Any]:
 def _labelled(cls: type[Method], instances: Sequence[Method], given: Iterable[str], label: str) -> Iterator[Choice]:
     """Name each instance by the settings that were given, differ from their default, or vary among the instances."""
     entries: Sequence[Any] = [f for f in fields(cls) if f.init]  # pyright: ignore[reportArgumentType]
-    values = [_values(method) for method in instances]
+    found = [values(method) for method in instances]
     shown = {
         f.name
         for f in entries
-        if f.name in given or any(v[f.name] != plain(f.default) or v[f.name] != values[0][f.name] for v in values)
+        if f.name in given or any(v[f.name] != plain(f.default) or v[f.name] != found[0][f.name] for v in found)
     }
-    for method, every in zip(instances, values, strict=True):
-        yield Choice(_identity(method), label, method, {k: v for k, v in every.items() if k in shown})
+    for method, every in zip(instances, found, strict=True):
+        yield Choice(identity(method), label, method, {k: v for k, v in every.items() if k in shown})
 
 
-def _values(method: Method) -> dict[str, Any]:
+def values(method: Method) -> dict[str, Any]:
+    """Return all settings by name, as plain values."""
     entries: Sequence[Any] = [f for f in fields(method) if f.init]  # pyright: ignore[reportArgumentType]
     return {f.name: plain(getattr(method, f.name)) for f in entries}
 
 
-def _identity(method: Method) -> str:
+def identity(method: Method) -> str:
+    """Return class and all settings, in full."""
     cls = type(method)
-    return f"{cls.__module__}.{cls.__qualname__} {json.dumps(_values(method), sort_keys=True)}"
+    return f"{cls.__module__}.{cls.__qualname__} {json.dumps(values(method), sort_keys=True)}"

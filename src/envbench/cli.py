@@ -53,9 +53,7 @@ def run(
     root: Root = None,
     scene: Annotated[list[str] | None, typer.Option(help="Only this scene (may be repeated).")] = None,
     method: Annotated[list[str] | None, typer.Option(help="Only this method (may be repeated).")] = None,
-    timeout: Annotated[
-        float | None, typer.Option(help="Seconds that a cell may take, instead of the suite's.")
-    ] = None,
+    timeout: Annotated[float | None, typer.Option(help="Seconds that a cell may take, instead of the suite's.")] = None,
     memory: Annotated[
         float | None, typer.Option(help="GiB that a cell may hold; default 3/4 of the machine's.")
     ] = None,

@@ -56,6 +56,8 @@ def _shaded(spec: AnimationSpec, catalogue: Catalogue) -> tuple[list[TriangleMes
     lacks: tuple[str, ...] = ()
     for frame in spec.frames:
         scene = frame.build(catalogue)
+        if not meshes:
+            method = method.called_for(scene)
         declined = method.declines(scene)
         if declined is not None:
             return f"declined: {' '.join(str(declined).split())}"

@@ -39,6 +39,13 @@ class MakeReference:
 
 
 @dataclass(frozen=True)
+class MakeWithout:
+    """Asks for the reference without the effects that a cell's method lacks; answered by what it took, in seconds."""
+
+    cell: CellSpec
+
+
+@dataclass(frozen=True)
 class FirstPass:
     """Asks to render and score a cell, each phase timed on its first call; answered by a `CellResult`."""
 
@@ -74,7 +81,7 @@ class MakeFilm:
     animation: AnimationSpec
 
 
-Request = MakeReference | FirstPass | Round | MakeSheet | MakeStudy | MakeFilm
+Request = MakeReference | MakeWithout | FirstPass | Round | MakeSheet | MakeStudy | MakeFilm
 
 
 @dataclass(frozen=True)

@@ -68,6 +68,13 @@ class Method(ABC):
         """
         return None
 
+    def called_for(self, scene: Scene) -> Self:
+        """Return this method set to simulate what `scene` calls for and no more, where a setting leaves that open.
+
+        It is asked before `prepare`; what it changed stands in the row's description.
+        """
+        return self
+
     def lacks(self, scene: Scene) -> frozenset[Effect]:
         """Return the effects of `scene` that this method, as it is set, does not account for."""
         return scene.effects - self.simulates

@@ -2,6 +2,10 @@
 
 In the formulae b is the result and r_k the K replicates of the reference, r their mean, s^2 their variance (K - 1),
 <x> the mean over points (by weight) and channels.
+
+Where a method lacks effects, q_k are the replicates of the reference without them, and b - r = (b - q) + (q - r): what
+it does but approximately, and what it ignores. Of both, and of their product, the mean over replicates k != l is taken,
+which no noise biases; so missing effects^2 + approximation^2 + 2 cross = NRMSE^2 (`envbench.attribution`).
 """
 
 from __future__ import annotations
@@ -21,11 +25,11 @@ from envbench.geometry import Points
 from envbench.records import Score
 from envbench.reference import Reference
 from envbench.tonemap import FORMULA, displayed
-from envbench.uncertainty import Estimate, difference, mean, square, t_quantile
+from envbench.uncertainty import Estimate, difference, mean, product, square, t_quantile
 
 Array = NDArray[np.float64]
 
-_ROOTS = ("nrmse", "rmse")  # leave-one-out values are signed roots of squares
+_ROOTS = ("nrmse", "rmse", "missing_effects", "approximation")  # leave-one-out values are signed roots of squares
 
 
 class Direction(StrEnum):
@@ -38,11 +42,15 @@ class Direction(StrEnum):
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """A result (n, 3), its reference and the points both belong to; what several metrics need, computed once."""
+    """A result (n, 3), its reference and the points both belong to; what several metrics need, computed once.
+
+    `without` is the reference without the effects that the method lacks, of as many replicates; None if there is none.
+    """
 
     values: Array
     reference: Reference
     points: Points
+    without: Reference | None = None
 
     @cached_property
     def weight(self) -> Array:
@@ -71,14 +79,42 @@ class Comparison:
         return self.square_error.over(self.power)
 
     @cached_property
+    def missing(self) -> Estimate:
+        """<(q - r)^2>, relative to the power."""
+        return square(self._products(self._ignored)).over(self.power)
+
+    @cached_property
+    def approximation(self) -> Estimate:
+        """<(b - q)^2>, relative to the power."""
+        return square(self._products(self._done)).over(self.power)
+
+    @cached_property
+    def cross(self) -> Estimate:
+        """<(b - q) (q - r)>, relative to the power."""
+        both = self._products(self._done, self._ignored)
+        return product(both, square(self._products(self._done)), square(self._products(self._ignored))).over(self.power)
+
+    @property
+    def _ignored(self) -> Array:
+        assert self.without is not None
+        return self.without.replicates - self.reference.replicates
+
+    @property
+    def _done(self) -> Array:
+        assert self.without is not None
+        return self.values - self.without.replicates
+
+    @cached_property
     def shown(self) -> tuple[Array, Array]:
         """Reference and result (n, 3) as a screen shows them."""
         truth = self.reference.mean
         return displayed(truth, truth), displayed(self.values, truth)
 
-    def _products(self, d: Array) -> Array:
-        flat = (d * np.sqrt(self.weight)).reshape(len(d), -1)
-        return flat @ flat.T
+    def _products(self, d: Array, e: Array | None = None) -> Array:
+        """Return <d_k e_l>, (K, K), of errors (K, n, 3); those of d with itself where there is no e."""
+        weight = np.sqrt(self.weight)
+        flat = (d * weight).reshape(len(d), -1)
+        return flat @ (flat if e is None else (e * weight).reshape(len(e), -1)).T
 
 
 @dataclass(frozen=True)
@@ -96,10 +132,16 @@ class Metric:
     function: Callable[[Comparison], Score]
     relative: bool = True
     needs_image: bool = False
+    splits: bool = False
+    """Splits the error of a method that lacks effects: needs the reference without them."""
 
 
 def score(
-    values: NDArray[np.floating], reference: Reference, points: Points, names: Iterable[str] | None = None
+    values: NDArray[np.floating],
+    reference: Reference,
+    points: Points,
+    names: Iterable[str] | None = None,
+    without: Reference | None = None,
 ) -> tuple[Score, ...]:
     """Score a result against its reference.
 
@@ -109,6 +151,8 @@ def score(
         Reflected radiance at the points, W sr^-1 m^-2.
     names : iterable of str, optional
         Metrics wanted; all by default. Those that need an image are left out where the points form none.
+    without : Reference, optional
+        At the same points, without the effects that the method lacks; without it no error is split.
 
     Returns
     -------
@@ -118,7 +162,8 @@ def score(
     Raises
     ------
     BadInput
-        The values have the wrong shape or are not finite; fewer than 3 replicates; an unknown metric.
+        The values have the wrong shape or are not finite; fewer than 3 replicates, or not as many in both references;
+        an unknown metric.
     """
     wanted = set(METRICS if names is None else names)
     for name in sorted(wanted - set(METRICS)):
@@ -128,11 +173,17 @@ def score(
         raise BadInput(f"a reference needs at least 3 replicates to be scored against. Got {K} instead.")
     if list(values.shape) != shape or shape != [len(points), 3]:
         raise BadInput(f"the result must have shape ({len(points)}, 3), as the reference. Got {values.shape} instead.")
+    if without is not None and without.replicates.shape != reference.replicates.shape:
+        raise BadInput(
+            f"a reference without effects must have shape {reference.replicates.shape}, as that with them. "
+            f"Got {without.replicates.shape} instead."
+        )
     bad = int(np.count_nonzero(~np.isfinite(values)))
     if bad:
         raise BadInput(f"the result holds {bad} values of {values.size} that are NaN or infinite: mend the method.")
-    case = Comparison(np.asarray(values, np.float64), reference, points)
-    chosen = [m for m in METRICS.values() if m.name in wanted and (points.pixel is not None or not m.needs_image)]
+    case = Comparison(np.asarray(values, np.float64), reference, points, without)
+    there = [m for m in METRICS.values() if m.name in wanted and (points.pixel is not None or not m.needs_image)]
+    chosen = [m for m in there if without is not None or not m.splits]
     return tuple(m.function(case) if case.lit or not m.relative else Score(m.name, np.nan) for m in chosen)
 
 
@@ -223,6 +274,7 @@ def _ssim(case: Comparison) -> Score:
     return Score("ssim", float(mean_and_map[1][there].mean()))
 
 
+_ACROSS = "[x y] the mean over k != l of <x_k y_l>, q the reference without the effects that the method lacks"
 _SHOWN = f"b and r shown as {FORMULA}"
 
 METRICS: dict[str, Metric] = {
@@ -263,6 +315,20 @@ METRICS: dict[str, Metric] = {
         Metric(
             "mse", "MSE", "<(b - r)^2 - s^2/K>",
             Direction.LOWER, "W^2 sr^-2 m^-4", lambda c: _square("mse", c.square_error), relative=False,
+        ),
+        Metric(
+            "missing_effects", "missing effects", f"sqrt(max([(q - r)^2], 0) / <r^2 - s^2/K>), {_ACROSS}",
+            Direction.LOWER, "", lambda c: _root("missing_effects", c.missing), splits=True,
+        ),
+        Metric(
+            "approximation", "approximation", f"sqrt(max([(b - q)^2], 0) / <r^2 - s^2/K>), {_ACROSS}",
+            Direction.LOWER, "", lambda c: _root("approximation", c.approximation), splits=True,
+        ),
+        Metric(
+            "cross", "cross term",
+            f"[(b - q) (q - r)] / <r^2 - s^2/K>, {_ACROSS}; "
+            "missing effects^2 + approximation^2 + 2 cross term = NRMSE^2, each before its root is cut at 0",
+            Direction.LOWER, "", lambda c: _plain("cross", c.cross), splits=True,
         ),
     )
 }  # fmt: skip

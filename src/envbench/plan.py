@@ -32,15 +32,12 @@ class CellSpec:
         With its settings made.
     settings : mapping
         As rows name them.
-    identity : str
-        Method and all settings: what two scenes of one asset share.
     """
 
     key: str
     scene: SceneSpec
     method: Method
     settings: Mapping[str, Any]
-    identity: str
 
     @property
     def label(self) -> str:
@@ -145,7 +142,7 @@ def plan(suite: SuiteFile, bench: Workbench, *, scenes: Sequence[str] = (), meth
         content = _content(scene, spec, suite.reference)
         for choice in chosen:
             key = hashlib.sha256("\0".join((*content, choice.identity)).encode()).hexdigest()
-            cells.append(CellSpec(key, spec, choice.method, choice.settings, choice.identity))
+            cells.append(CellSpec(key, spec, choice.method, choice.settings))
     left_out = (*(f"left out {_listed(names)}: {reason}" for reason, names in absent.items()), *without)
     if not cells and not beside:
         raise BadInput(f"suite '{suite.name}' has no scene left. {' '.join(left_out)}")

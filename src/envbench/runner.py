@@ -13,7 +13,17 @@ from envbench import machine
 from envbench.animation import AnimationSpec
 from envbench.errors import BadInput
 from envbench.grids import SceneSpec
-from envbench.messages import Failure, FirstPass, MakeFilm, MakeReference, MakeSheet, MakeStudy, Request, Round
+from envbench.messages import (
+    Failure,
+    FirstPass,
+    MakeFilm,
+    MakeReference,
+    MakeSheet,
+    MakeStudy,
+    MakeWithout,
+    Request,
+    Round,
+)
 from envbench.plan import CellSpec, Plan
 from envbench.progress import Progress
 from envbench.records import CellResult, Film, MaterialSheet, Phase, RunInfo, SceneResult, Study
@@ -166,10 +176,18 @@ class Runner:
         self.opened = spec.name, self.supervisor.started
         return answer
 
+    def _opened(self, spec: SceneSpec) -> Failure | None:
+        """Have the scene open; return what stops that."""
+        if self.opened == (spec.name, self.supervisor.started):
+            return None
+        answer = self._open(spec)
+        return answer if isinstance(answer, Failure) else None
+
     def _first_passes(self, cells: Sequence[CellSpec]) -> dict[str, tuple[CellSpec, CellResult]]:
         """Render each cell once; return those that go on to the timing rounds, and settle the others."""
         live: dict[str, tuple[CellSpec, CellResult]] = {}
         for cell in cells:
+            self._leave_out(cell)
             answer = self._ask_cell(FirstPass(cell))
             if isinstance(answer, Failure):
                 self._settle(_failed(cell, answer))
@@ -178,6 +196,17 @@ class Runner:
             else:
                 live[cell.key] = cell, answer
         return live
+
+    def _leave_out(self, cell: CellSpec) -> None:
+        """Have the worker make the reference that splits a cell's error; where it cannot, the error stays whole."""
+        if isinstance(self._opened(cell.scene), Failure):
+            return
+        limit = 2 * self.plan.reference.budget + self.seconds
+        answer: float | Failure = self._ask(MakeWithout(cell), limit, f"{cell.scene.name}: reference, less effects")
+        if isinstance(answer, Failure):
+            self.progress.line(f"note, the error of {cell.label} on {cell.scene.name} is not split: {answer.reason}")
+        else:
+            self.worked += answer
 
     def _time(self, live: dict[str, tuple[CellSpec, CellResult]]) -> None:
         """Time the cells of a scene in turn, every other round backwards, the last as planned."""
@@ -200,10 +229,9 @@ class Runner:
 
     def _ask_cell(self, request: FirstPass | Round) -> Any:
         cell = request.cell
-        if self.opened != (cell.scene.name, self.supervisor.started):
-            again = self._open(cell.scene)
-            if isinstance(again, Failure):
-                return again
+        again = self._opened(cell.scene)
+        if isinstance(again, Failure):
+            return again
         start = time.monotonic()
         answer = self._ask(request, self.seconds, f"{cell.scene.name}: {cell.label}")
         self.calls.setdefault(cell.key, []).append(time.monotonic() - start)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import StrEnum
+from math import isnan
 
 from envbench.environment import Environment
 from envbench.geometry import Geometry, Points, Viewer
@@ -63,6 +64,8 @@ class Decision:
         What the probe took.
     bounces : int or None
         Of inter-reflection: how many are simulated.
+    tolerance : float
+        Contribution below which an effect may be left out; NaN where none was asked for.
     """
 
     effect: Effect
@@ -76,6 +79,13 @@ class Decision:
     saved: float = 0.0
     seconds: float = 0.0
     bounces: int | None = None
+    tolerance: float = float("nan")
+
+    @property
+    def missed(self) -> bool:
+        """Whether a user has switched the effect off although it surely contributes more than may be left out."""
+        bound = 0.0 if isnan(self.tolerance) else self.tolerance
+        return self.basis is Basis.USER and not self.simulated and self.low > bound
 
 
 def told(effects: str | Iterable[str] | None) -> str:
@@ -90,7 +100,11 @@ def told(effects: str | Iterable[str] | None) -> str:
     """
     if effects is None:
         return ""
-    return f" [effects: {effects}]" if isinstance(effects, str) else f" [{', '.join(sorted(set(effects))) or 'no effects'}]"
+    return (
+        f" [effects: {effects}]"
+        if isinstance(effects, str)
+        else f" [{', '.join(sorted(set(effects))) or 'no effects'}]"
+    )
 
 
 @dataclass(frozen=True, eq=False)

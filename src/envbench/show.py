@@ -9,9 +9,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from envbench.attribution import sentence
 from envbench.errors import unknown
 from envbench.metrics import METRICS
 from envbench.records import CellResult, Film, Phase, RunInfo, SceneResult, Score, Status, Study
+from envbench.scene import Decision
 from envbench.stability import verdicts
 from envbench.store import Store
 
@@ -53,7 +55,10 @@ def table(store: Store, ref: str, *, scenes: Sequence[str] = (), metrics: Sequen
     for scene in scenes:
         if scene not in {cell.scene for cell in cells}:
             raise unknown("scene of this run:", scene, {cell.scene for cell in cells})
-    grid = Table("scene", "method", *metrics, "relight", "shade", "memory", "status", box=None, header_style="bold")
+    causes = {cell.key: sentence(cell, _share).replace(" does, ", " does,\n") for cell in cells}
+    split = ("error by cause",) if any(causes.values()) else ()
+    headings = ("scene", "method", *metrics, *split, "relight", "shade", "memory", "status")
+    grid = Table(*headings, box=None, header_style="bold")
     last = ""
     order = store.scene_names(run.id)
     for cell in sorted(cells, key=lambda cell: order.index(cell.scene)):
@@ -64,6 +69,7 @@ def table(store: Store, ref: str, *, scenes: Sequence[str] = (), metrics: Sequen
             cell.scene if cell.scene != last else "",
             cell.label,
             *(number(scores.get(metric), scores.get("rmse") if metric == "nrmse" else None) for metric in metrics),
+            *(causes[cell.key] for _ in split),
             *(seconds(cell, phase) for phase in (Phase.RELIGHT, Phase.SHADE)),
             f"{cell.bytes / 1024:,.0f} KiB" if cell.bytes else "",
             f"{cell.status.value}: {cell.reason}" if cell.reason else cell.status.value,
@@ -71,8 +77,12 @@ def table(store: Store, ref: str, *, scenes: Sequence[str] = (), metrics: Sequen
         last = cell.scene
     if cells:
         console().print(grid)
+    found = store.scenes(run.id)
+    for scene in found:
+        if scene.decisions and (not scenes or scene.name in scenes):
+            console().print(f"{scene.name}: {about_effects(scene.decisions)}", highlight=False)
     if not scenes:
-        _hard_cases(store.scenes(run.id), cells)
+        _hard_cases(found, cells)
         for study in store.studies(run.id):
             console().print(about(study), highlight=False)
         for film in store.films(run.id):
@@ -94,6 +104,39 @@ def _hard_cases(scenes: Sequence[SceneResult], cells: Sequence[CellResult]) -> N
         last = verdict.knob
     console().print()
     console().print(grid)
+
+
+def about_effects(decisions: Sequence[Decision]) -> str:
+    """Say in a line which effects are simulated and which are left out, each with what it contributes and the basis.
+
+    Examples
+    --------
+    >>> from envbench.scene import Basis, Effect
+    >>> about_effects((
+    ...     Decision(Effect.SELF_SHADOWING, True, Basis.PROBE, "", 0.14, 0.13, 0.15),
+    ...     Decision(Effect.INTERREFLECTION, False, Basis.USER, "", 0.021, 0.02, 0.022, tolerance=0.01),
+    ... ))
+    'simulated: self-shadowing (probe: 14 % [13, 15]); left out: interreflection (user: 2.1 % [2, 2.2], which matters)'
+    """
+
+    def one(decision: Decision) -> str:
+        known = not math.isnan(decision.low) and decision.high > 0
+        share = f": {_percents(decision.contribution, decision.low, decision.high)}" if known else ""
+        return f"{decision.effect} ({decision.basis}{share}{', which matters' if decision.missed else ''})"
+
+    sides = {"simulated": True, "left out": False}
+    named = {side: [one(d) for d in decisions if d.simulated is simulated] for side, simulated in sides.items()}
+    return "; ".join(f"{side}: {', '.join(entries)}" for side, entries in named.items() if entries)
+
+
+def _share(score: Score) -> str:
+    if score.below_floor and score.high > 0:
+        return f"< {100 * score.high:.2g} %"
+    return "undefined" if math.isnan(score.value) else _percents(score.value, score.low, score.high)
+
+
+def _percents(value: float, low: float, high: float) -> str:
+    return f"{100 * value:.3g} % [{100 * low:.3g}, {100 * high:.3g}]"
 
 
 def about(study: Study) -> str:

@@ -19,18 +19,30 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from envbench import effects, furnace, llvm, metrics, root, timing
+from envbench import attribution, effects, furnace, llvm, metrics, root, timing
 from envbench.answers import checked, modulated
+from envbench.choices import identity, values
 from envbench.errors import BadInput, CannotRun, unknown
 from envbench.failures import failure
 from envbench.film import film
 from envbench.grids import SceneSpec
-from envbench.messages import FirstPass, MakeFilm, MakeReference, MakeSheet, MakeStudy, Ready, Request, Round, Setup
+from envbench.messages import (
+    FirstPass,
+    MakeFilm,
+    MakeReference,
+    MakeSheet,
+    MakeStudy,
+    MakeWithout,
+    Ready,
+    Request,
+    Round,
+    Setup,
+)
 from envbench.method import Method, footprint
 from envbench.plan import CellSpec, remarks
 from envbench.records import CellResult, Film, MaterialSheet, Phase, SceneResult, Status, Study, Timing
 from envbench.reference import Reference, ReferenceSettings
-from envbench.scene import Scene
+from envbench.scene import Effect, Scene
 from envbench.settings import plain
 
 SLOW_PREPARE = 1.0
@@ -89,7 +101,7 @@ def _redirect_output(setup: Setup) -> None:
     faulthandler.enable(all_threads=False)
 
 
-Answer = SceneResult | CellResult | dict[Phase, float] | MaterialSheet | Study | Film
+Answer = SceneResult | CellResult | float | dict[Phase, float] | MaterialSheet | Study | Film
 
 
 @dataclass
@@ -112,14 +124,18 @@ class Desk:
     spec: SceneSpec | None = None
     scene: Scene | None = None
     truth: Reference | None = None
+    without: dict[frozenset[Effect], Reference] = field(default_factory=dict[frozenset[Effect], Reference])
+    """References of the open scene without effects, by the effects."""
     prepared: dict[str, Prepared] = field(default_factory=dict[str, Prepared])
-    """By `CellSpec.identity`, for the material and shape of the scene: a further light finds it done."""
+    """By `envbench.choices.identity`, for the material and shape of the scene: a further light finds it done."""
 
     def answer(self, request: Request) -> Answer:
         """Do what is asked."""
         match request:
             case MakeReference(spec):
                 return describe(spec, *self.open(spec))
+            case MakeWithout(cell):
+                return self.leave_out(cell)
             case FirstPass(cell):
                 return self.first(cell)
             case Round(cell):
@@ -136,6 +152,7 @@ class Desk:
     def clear(self) -> None:
         """Forget scene, reference and prepared states: what follows needs none, and may need their memory."""
         self.spec = self.scene = self.truth = None
+        self.without.clear()
         self.prepared.clear()
 
     def study(self, name: str) -> Study:
@@ -153,6 +170,7 @@ class Desk:
         if self.scene is None or self.truth is None or self.spec != spec:
             asset = None if self.scene is None else (self.scene.material.key, self.scene.geometry.rest.key)
             self.scene = self.truth = None
+            self.without.clear()
             settings = spec.reference(self.settings)
             scene = spec.build(self.bench.catalogue)
             scene = self.bench.catalogue.effects(scene, spec.planning, settings, self.setup.cache)
@@ -163,50 +181,77 @@ class Desk:
             self.spec, self.scene, self.truth = spec, scene, truth
         return self.scene, self.truth
 
+    def leave_out(self, cell: CellSpec) -> float:
+        """Have the reference without the effects that a cell's method lacks at hand, where there is one to be had.
+
+        Returns
+        -------
+        float
+            Seconds that computing it took; 0 if it was there.
+        """
+        scene, _ = self.open(cell.scene)
+        method = cell.method.called_for(scene)
+        lacks = method.lacks(scene)
+        less = attribution.without(scene, lacks)
+        if less is None or lacks in self.without or method.declines(scene) is not None:
+            return 0.0
+        made = self.bench.catalogue.reference(less, cell.scene.reference(self.settings), self.setup.cache)
+        self.without[lacks] = made
+        return 0.0 if made.from_cache else made.seconds
+
     def first(self, cell: CellSpec) -> CellResult:
         """Render and score a cell."""
         scene, truth = self.open(cell.scene)
-        method = cell.method
-        lacks = tuple(sorted(effect.value for effect in method.lacks(scene)))
-        blank = CellResult(cell.key, cell.scene.name, method.name, dict(cell.settings), Status.OK, lacks=lacks)
+        method = cell.method.called_for(scene)
+        lacks = method.lacks(scene)
+        named = tuple(sorted(effect.value for effect in lacks))
+        blank = CellResult(cell.key, cell.scene.name, method.name, dict(cell.settings), Status.OK, lacks=named)
         declined = method.declines(scene)
         if declined is not None:
             return replace(blank, status=Status.DECLINED, reason=_line(declined))
-        known = self.prepared.get(cell.identity)
+        known = self.prepared.get(identity(method))
         try:
             state, framed, answer, seconds = render(method, scene, known)
         except BadInput as refused:
             return replace(blank, status=Status.DECLINED, reason=_line(refused))
-        values = checked(answer, len(scene.points))
+        radiance = checked(answer, len(scene.points))
         if known is None:
-            self.prepared[cell.identity] = Prepared(state, scene.name, seconds[Phase.PREPARE])
+            self.prepared[identity(method)] = Prepared(state, scene.name, seconds[Phase.PREPARE])
         paid = [Timing(Phase.PREPARE, known.first, tuple(known.rounds), shared=True)] if known else []
         predictions = method.predictions(state, scene.environment)
         return replace(
             blank,
             timings=(*paid, *(Timing(phase, s) for phase, s in seconds.items())),
-            scores=metrics.score(values, truth, scene.points),
+            scores=metrics.score(radiance, truth, scene.points, without=self.without.get(lacks)),
             bytes=footprint(framed),
             predictions={str(theory): float(error) for theory, error in predictions.items()},
-            description=plain(method.describe(state)),
-            image=image(values, scene),
+            description=settled(cell.method, method) | plain(method.describe(state)),
+            image=image(radiance, scene),
         )
 
     def round(self, cell: CellSpec) -> dict[Phase, float]:
         """Time a cell's phases once, after a warm-up where this worker did not make the first pass."""
         scene, _ = self.open(cell.scene)
-        if cell.identity not in self.prepared:
-            state, _, _, seconds = render(cell.method, scene)
-            self.prepared[cell.identity] = Prepared(state, scene.name, seconds[Phase.PREPARE])
-        known = self.prepared[cell.identity]
+        method = cell.method.called_for(scene)
+        key = identity(method)
+        if key not in self.prepared:
+            state, _, _, seconds = render(method, scene)
+            self.prepared[key] = Prepared(state, scene.name, seconds[Phase.PREPARE])
+        known = self.prepared[key]
         again = known.scene == scene.name and known.first <= SLOW_PREPARE
-        seconds = render(cell.method, scene, None if again else known)[-1]
+        seconds = render(method, scene, None if again else known)[-1]
         known.rounds += [seconds[Phase.PREPARE]] if again else []
         return seconds
 
 
 def _line(reason: object) -> str:
     return " ".join(str(reason).split())
+
+
+def settled(asked: Method, made: Method) -> dict[str, Any]:
+    """Return the settings that a scene has settled."""
+    before = values(asked)
+    return {name: value for name, value in values(made).items() if value != before[name]}
 
 
 def render(method: Method, scene: Scene, known: Prepared | None = None) -> tuple[Any, Any, Any, dict[Phase, float]]:

@@ -128,19 +128,71 @@ def test_what_is_declined_and_lacking(bumps: Geometry) -> None:
     points = at_vertices(bumps)
     effects = frozenset({Effect.SELF_SHADOWING, Effect.DEFORMATION, Effect.INTERREFLECTION})
     scene = Scene("s", light(), WHITE, bumps, points, None, effects)
-    assert LDPRT().lacks(scene) == {Effect.DEFORMATION, Effect.INTERREFLECTION}
+    assert LDPRT(transfer="shadowed").lacks(scene) == {Effect.DEFORMATION, Effect.INTERREFLECTION}
+    assert LDPRT().lacks(scene) == {Effect.DEFORMATION}
     assert LDPRT(transfer="unshadowed").lacks(scene) == effects
     assert LDPRT(transfer="interreflected").lacks(scene) == {Effect.DEFORMATION}
     assert "needs a mesh" in str(LDPRT().declines(replace(scene, geometry=Geometry("sphere"))))
     assert "diffuse lobes only" in str(LDPRT().declines(replace(scene, material=GLOSSY)))
     thin = replace(scene, material=build({"kind": "membrane"}, "thin"))
-    assert "closed form" in str(LDPRT().declines(thin))
-    assert LDPRT(transfer="unshadowed", lobes=1).declines(thin) is None
+    assert "closed form" in str(LDPRT(transfer="shadowed").declines(thin))
+    for closed in (LDPRT(transfer="unshadowed", lobes=1), LDPRT(lobes=1)):
+        assert closed.declines(thin) is None
+        assert closed.lacks(thin) == effects
     assert "tangent" in str(GlossyLDPRT().declines(replace(scene, material=build({"kind": "kajiya-kay"}, "hair"))))
     method = LDPRT(**SMALL)
     state = method.relight(method.prepare(WHITE, bumps.rest), light())
     with pytest.raises(BadInput, match="on a mesh"):
         method.shade(state, replace(points, triangle=None))
+
+
+SHADOWS, BOUNCES, DEFORMS, VIEWED = (
+    Effect.SELF_SHADOWING, Effect.INTERREFLECTION, Effect.DEFORMATION, Effect.VIEW_DEPENDENCE,
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("method", DIFFUSE, ids=repr)
+@pytest.mark.parametrize(
+    ("effects", "bounces", "expected", "lacking"),
+    [
+        ({DEFORMS}, None, ("unshadowed", 1), {DEFORMS}),
+        ({SHADOWS}, None, ("shadowed", 1), set[Effect]()),
+        ({SHADOWS, DEFORMS}, 5, ("shadowed", 1), {DEFORMS}),
+        ({SHADOWS, BOUNCES}, None, ("interreflected", 1), set[Effect]()),
+        ({SHADOWS, BOUNCES}, 3, ("interreflected", 3), set[Effect]()),
+        ({SHADOWS, BOUNCES}, 40, ("interreflected", 16), set[Effect]()),
+    ],
+)
+def test_auto_is_the_transfer_that_the_scene_calls_for(
+    method: Any, bumps: Geometry, effects: set[Effect], bounces: int | None, expected: Any, lacking: set[Effect]
+) -> None:
+    scene = Scene("s", light(), WHITE, bumps, at_vertices(bumps), None, frozenset(effects), bounces)
+    made = method.called_for(scene)
+    assert (made.transfer, made.bounces) == expected
+    assert made == replace(method, transfer=expected[0], bounces=expected[1])  # all else as it was
+    assert made.called_for(scene) is made
+    assert method.lacks(scene) == made.lacks(scene) == lacking
+    given = replace(method, transfer="shadowed")
+    assert given.called_for(scene) is given
+
+
+def test_glossy_auto(bumps: Geometry) -> None:
+    scene = Scene("s", light(), GLOSSY, bumps, at_vertices(bumps), None, frozenset({VIEWED, SHADOWS, DEFORMS}))
+    bare = replace(scene, effects=frozenset({VIEWED}))
+    found = [GlossyLDPRT().called_for(one).transfer for one in (scene, bare)]
+    assert found == ["shadowed", "unshadowed"]
+    assert GlossyLDPRT().lacks(scene) == {DEFORMS}
+    assert not GlossyLDPRT().lacks(bare)
+
+
+def test_what_was_simulated_is_told(bumps: Geometry) -> None:
+    def told(method: Method) -> dict[str, Any]:
+        return method.describe(method.prepare(material(method), bumps.rest))
+
+    assert told(LDPRT(**SMALL))["transfer"] == "shadowed"  # no scene was asked
+    assert told(GlossyLDPRT(rays=64, transfer="unshadowed"))["transfer"] == "unshadowed"
+    lit = told(LDPRT(transfer="interreflected", bounces=2, **SMALL))
+    assert (lit["transfer"], lit["bounces"]) == ("interreflected", 2)
 
 
 @pytest.mark.parametrize(
@@ -151,7 +203,8 @@ def test_what_is_declined_and_lacking(bumps: Geometry) -> None:
         (lambda: LDPRT(order=2, lobes=3), "need order > 2"),
         (lambda: LDPRT(order=40), "order must lie in"),
         (lambda: LDPRT(rays=0), "rays must lie in"),
-        (lambda: LDPRT(transfer="path"), "'unshadowed', 'shadowed', 'interreflected'"),
+        (lambda: LDPRT(transfer="path"), "'auto', 'unshadowed', 'shadowed', 'interreflected'"),
+        (lambda: GlossyLDPRT(transfer="path"), "'auto', 'unshadowed' or 'shadowed'"),
         (lambda: SHRotation(turning="both"), "'transfer', 'light'"),
         (lambda: GlossyLDPRT(rows=17), r"rows must lie in \[1, 16\]"),
         (lambda: ZonalLight(lobes=0), "lobes must lie in"),

@@ -136,3 +136,22 @@ def test_loss_of_lookup_is_lagranges_bound_at_most() -> None:
     found = loss(np.array([10.0, 20.0]), np.pi / 160)
     assert np.all(found <= 2 * (3 / 128 * (np.array([10, 20]) * np.pi / 160) ** 4) ** 2)
     assert found[1] / found[0] == pytest.approx(2**8, rel=0.1)
+
+
+@pytest.mark.parametrize("form", [SHRM, SHRMGlobal, SHRMCoefficients])
+def test_the_orders_of_each_lobe_are_told_and_what_symmetry_spared(form: type) -> None:
+    lobes = (Lambertian(), Phong(exponent=8, clipped=False), KajiyaKay(exponent=32), Microfacet(sigma=0.3))
+    method = form(eps=0.1)
+    state = method.prepare(Material("m", lobes), SPHERE)
+    told, parts = method.describe(state), method.expansion(state).parts
+    orders = [f"F = {c.F}, P = {c.P}, q <= {c.Q}" for c in parts]
+    assert told["lobes"] == [
+        f"about N: {orders[0]}, radially symmetric",
+        f"about R: {orders[1]}, radially symmetric",
+        f"about T: {orders[2]}, no dependence on azimuth",
+        f"about R: {orders[3]}",
+    ]
+    assert [(c.P, c.Q) for c in parts[:2]] == [(0, 0), (0, 0)]
+    assert parts[2].P > 0 == parts[2].Q
+    assert parts[3].Q > 0
+    assert len(told["q"]) == len(told["F"])
