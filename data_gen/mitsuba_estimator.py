@@ -37,6 +37,9 @@ from envbench.material import Material
 SAMPLER = "multijitter"
 """Low-discrepancy sampler of Mitsuba; its `ldsampler` serves too."""
 
+Draws = list[Any]
+"""Samplers: of light and lobes, and beside it that of views and tangents averaged over, if any are."""
+
 _LANES = 2**22
 """Samples in flight at a time: bounds the memory."""
 _OWN = 0x9E3779B9
@@ -143,12 +146,18 @@ class Estimator:
     def _scenes(self) -> tuple[tuple[float, Any], ...]:
         """The positive and the negative part of the light, as signs and scenes; the first holds the occluder."""
         mi = llvm.mitsuba(self.surface.variant)
+        import drjit as dr
+
         made: list[tuple[float, Any]] = []
         for sign, part in self.environment.parts:
             content = {"type": "scene", "light": emitter(part)}
             if self.surface.shape is not None and not made:
                 content["shape"] = self.surface.shape
-            made.append((sign, mi.load_dict(content)))
+            scene = mi.load_dict(content)
+            # What Mitsuba would evaluate at first use is so here: else the first kernel would be compiled twice.
+            parameters = mi.traverse(scene)
+            dr.eval([parameters[key] for key in parameters.keys()])  # noqa: SIM118 - no mapping
+            made.append((sign, scene))
         return tuple(made)
 
     def __getstate__(self) -> dict[str, Any]:
@@ -207,7 +216,8 @@ class Estimator:
         import drjit as dr
 
         lanes = len(chosen) * samples
-        draws = _Draws(*(self._sampler(mi, samples, dr.opaque(mi.UInt32, s), lanes) for s in self._seeds(seed)))
+        _ = self.surface.bsdf, self.surface.texture, self._scenes  # before all else, for kernels to be the same again
+        draws = [self._sampler(mi, samples, dr.opaque(mi.UInt32, s), lanes) for s in self._seeds(seed)]
         point = dr.arange(mi.UInt32, lanes) // dr.opaque(mi.UInt32, samples)
 
         def spread(values: Array) -> Any:
@@ -232,7 +242,7 @@ class Estimator:
 
     def _one_by_one(self, mi: Any, points: Points, chosen: NDArray[np.int_], samples: int, seed: int) -> Array:
         """Return the sum over the samples of the one `chosen` point, (3,)."""
-        draws = _Draws(*(self._sampler(mi, samples, s, 1) for s in self._seeds(seed)))
+        draws = [self._sampler(mi, samples, s, 1) for s in self._seeds(seed)]
 
         def taken(values: Array) -> Any:
             return mi.Vector3f(*(float(v) for v in values[chosen[0]]))
@@ -241,17 +251,18 @@ class Estimator:
         total = np.zeros(3)
         for _ in range(samples):
             total += np.array(self._radiance(mi, interaction, place, draws), float)
-            draws.advance()
+            for sampler in draws:
+                sampler.advance()
         return total
 
-    def _radiance(self, mi: Any, si: Any, place: _Place, draws: _Draws) -> Any:
+    def _radiance(self, mi: Any, si: Any, place: _Place, draws: Draws) -> Any:
         """Return one estimate of the reflected radiance."""
         total = mi.Color3f(0)
         for part in self._by_bounce(mi, si, place, draws):
             total += part
         return total
 
-    def _by_bounce(self, mi: Any, si: Any, place: _Place, draws: _Draws) -> list[Any]:
+    def _by_bounce(self, mi: Any, si: Any, place: _Place, draws: Draws) -> list[Any]:
         """Return one estimate for each number of bounces, of the light's parts by their signs."""
         totals = [mi.Color3f(0) for _ in range(1 + self.surface.bounces)]
         for sign, scene in self._scenes:
@@ -259,47 +270,58 @@ class Estimator:
                 totals[depth] += sign * part
         return totals
 
-    def _part(self, mi: Any, emission: Any, si: Any, place: _Place, draws: _Draws) -> list[Any]:
+    def _part(self, mi: Any, emission: Any, si: Any, place: _Place, draws: Draws) -> list[Any]:
         """Return estimates under one part of the light: emitter and BSDF sample, weighed by their densities.
 
         What a BSDF sample finds of the light has come by way of the shape as often as the point it was drawn at.
         """
         import drjit as dr
 
-        context, reflector, sampler = mi.BSDFContext(), self.surface.bsdf, draws.sampler
+        context, reflector, scene = mi.BSDFContext(), self.surface.bsdf, self.scene
         bounces = 0 if self.surface.occluder is None else self.surface.bounces
-        totals: list[Any] = []
-        through, active = mi.Color3f(1), mi.Bool(True)
-        for depth in range(1 + bounces):
+
+        def step(depth: Any, active: Any, through: Any, si: Any, where: Any, totals: Any, draws: Any) -> Any:
+            sampler = draws[0]
+            here = replace(place, position=where[0], geometric=where[1], normal=where[2])
             si = self._averaged(mi, si, draws)
-            totals.append(mi.Color3f(0))
             ds, light = emission.sample_direction(si, sampler.next_2d(), active)
             value, pdf = reflector.eval_pdf(context, si, si.to_local(ds.d), active & (ds.pdf > 0))
             share = _balance(ds.pdf, pdf) if self.sample_lobes else 1.0
-            totals[-1] += self._unshadowed(mi, place, ds.d, through * light * value * share)
-            if depth == bounces and not self.sample_lobes:
-                break
-            sample, weight = reflector.sample(context, si, sampler.next_1d(), sampler.next_2d(), active)
-            direction = si.to_world(sample.wo)
-            through = through * weight
-            sent = mi.Color3f(0)
-            if self.sample_lobes:
-                seen = dr.zeros(mi.SurfaceInteraction3f)
-                seen.wi = -direction
-                ds = mi.DirectionSample3f()  # its direction alone is read
-                ds.d = direction
-                sent = through * emission.eval(seen) * _balance(sample.pdf, emission.pdf_direction(si, ds))
-            if depth == bounces:
-                totals[-1] += self._unshadowed(mi, place, direction, sent)
-                break
-            found = self.scene.ray_intersect(place.ray(mi, direction), active & dr.any(through > 0))
-            totals[-1] += dr.select(found.is_valid(), mi.Color3f(0), sent)
-            si, place, active = self._reached(mi, found, place, direction)
-            if self.surface.texture is not None:
-                through = through * mi.Color3f(*self.surface.texture.eval(found.uv))
-        return totals
+            gained = self._unshadowed(mi, here, ds.d, through * light * value * share)
+            if bounces or self.sample_lobes:
+                sample, weight = reflector.sample(context, si, sampler.next_1d(), sampler.next_2d(), active)
+                direction = si.to_world(sample.wo)
+                through = through * weight
+                sent = mi.Color3f(0)
+                if self.sample_lobes:
+                    seen = dr.zeros(mi.SurfaceInteraction3f)
+                    seen.wi = -direction
+                    ds = mi.DirectionSample3f()  # its direction alone is read
+                    ds.d = direction
+                    sent = through * emission.eval(seen) * _balance(sample.pdf, emission.pdf_direction(si, ds))
+                if not bounces:
+                    gained += self._unshadowed(mi, here, direction, sent)
+                else:
+                    cast = active & dr.any(through > 0) & (mi.Bool(self.sample_lobes) | (depth < bounces))
+                    found = scene.ray_intersect(here.ray(mi, direction), cast)
+                    gained += dr.select(found.is_valid(), mi.Color3f(0), sent)
+                    si, here, active = self._reached(mi, found, here, direction)
+                    if self.surface.texture is not None:
+                        through = through * mi.Color3f(*self.surface.texture.eval(found.uv))
+            totals = [total + dr.select(depth == k, gained, mi.Color3f(0)) for k, total in enumerate(totals)]
+            return depth + 1, active, through, si, (here.position, here.geometric, here.normal), totals, draws
 
-    def _averaged(self, mi: Any, si: Any, draws: _Draws) -> Any:
+        where = place.position, place.geometric, place.normal
+        totals = [mi.Color3f(0) for _ in range(1 + bounces)]
+        state = mi.UInt32(0), mi.Bool(True), mi.Color3f(1), si, where, totals, draws
+        if not bounces or self.surface.variant.startswith("scalar"):
+            for _ in range(1 + bounces):
+                state = step(*state)
+        else:
+            state = dr.while_loop(state, lambda depth, active, *_: active & (depth <= bounces), step)
+        return state[5]
+
+    def _averaged(self, mi: Any, si: Any, draws: Draws) -> Any:
         """Return the interaction as seen from a view drawn anew, its tangent turned, where these are averaged over."""
         import drjit as dr
 
@@ -307,13 +329,13 @@ class Estimator:
             return si
         turned = mi.SurfaceInteraction3f(si)
         if self.surface.any_tangent:
-            sine, cosine = dr.sincos(2 * dr.pi * draws.own.next_1d())
+            sine, cosine = dr.sincos(2 * dr.pi * draws[1].next_1d())
             frame = si.sh_frame
             along = mi.Vector3f(cosine * frame.s + sine * frame.t)
             turned.sh_frame = mi.Frame3f(along, dr.cross(frame.n, along), frame.n)
             turned.wi = turned.to_local(si.to_world(si.wi))
         if self.surface.any_view:
-            turned.wi = mi.warp.square_to_cosine_hemisphere(draws.own.next_2d())
+            turned.wi = mi.warp.square_to_cosine_hemisphere(draws[1].next_2d())
         return turned
 
     def _unshadowed(self, mi: Any, place: _Place, direction: Any, radiance: Any) -> Any:
@@ -353,18 +375,6 @@ class Estimator:
             if points.rotation is not None:
                 rotation = tuple(spread(points.rotation[:, row]) for row in range(3))
         return _Place(mi.Point3f(spread(position)), spread(geometric), spread(normal), self.surface.lift, rotation)
-
-
-@dataclass(frozen=True)
-class _Draws:
-    """Where random numbers come from: those of light and lobes, and those of views and tangents averaged over."""
-
-    sampler: Any
-    own: Any = None
-
-    def advance(self) -> None:
-        for sampler in filter(None, (self.sampler, self.own)):
-            sampler.advance()
 
 
 @dataclass(frozen=True)

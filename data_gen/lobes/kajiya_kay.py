@@ -68,7 +68,7 @@ class KajiyaKay(_Fibre):
         """
         xp = namespace(u[0], view[0], centre[0])
         w = 2 * u[0] - 1
-        off = xp.arctan2(np.sqrt(self._k) * w, xp.sqrt(xp.maximum(1 - w * w, 1e-14)))
+        off = xp.arctan2(math.sqrt(self._k) * w, xp.sqrt(xp.maximum(1 - w * w, 1e-14)))
         cosine, sine = _cosine_and_sine(view, centre)
         theta = np.pi - xp.arctan2(sine, cosine) + off
         exists = (theta > 0) & (theta < np.pi)
@@ -80,7 +80,7 @@ class KajiyaKay(_Fibre):
         xp = namespace(light[0], view[0], centre[0])
         cosine, sine = _off_cone(light, view, centre)
         spread = xp.maximum(cosine * cosine + sine * sine / self._k, 0.5)  # at least 1, but for no direction at all
-        off = xp.maximum(cosine, 0.0) / (2 * np.sqrt(self._k) * spread * xp.sqrt(spread))
+        off = xp.maximum(cosine, 0.0) / (2 * math.sqrt(self._k) * spread * xp.sqrt(spread))
         return off / (2 * np.pi * xp.maximum(_cosine_and_sine(light, centre)[1], 1e-9))
 
     def cone(self, eps: float) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -115,7 +116,7 @@ class Lafortune(Lobe):
             w = tuple(along * f + up * z for f, z in zip(flat, normal, strict=True))
             length = xp.sqrt(xp.maximum(dot(w, w), 1e-20))
             axis = tuple(x / length for x in w)
-            height = xp.maximum(dot(normal, axis), 0.5 / np.sqrt(n + 1))  # mean of N.L over the lobe, roughly
+            height = xp.maximum(dot(normal, axis), 0.5 / math.sqrt(n + 1))  # mean of N.L over the lobe, roughly
             exists = length > 1e-6
             axis = tuple(xp.where(exists, x, z) for x, z in zip(axis, normal, strict=True))
             mass = height * xp.exp(n * xp.log(length)) * (2 * np.pi / (n + 1))
