@@ -89,7 +89,7 @@ def _duration(value: float) -> str:
 
 
 def _tolerance(scene: SceneResult) -> str:
-    asked = {decision.tolerance for decision in scene.decisions if not math.isnan(decision.tolerance)}
+    asked = {decision.tolerance for decision in scene.decisions if decision.tolerance is not None}
     return " or ".join(percent(value) for value in sorted(asked))
 
 

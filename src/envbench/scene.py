@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import StrEnum
-from math import isnan
 
 from envbench.environment import Environment
 from envbench.geometry import Geometry, Points, Viewer
@@ -64,8 +63,8 @@ class Decision:
         What the probe took.
     bounces : int or None
         Of inter-reflection: how many are simulated.
-    tolerance : float
-        Contribution below which an effect may be left out; NaN where none was asked for.
+    tolerance : float or None
+        Contribution below which an effect may be left out; None where none was asked for.
     """
 
     effect: Effect
@@ -79,13 +78,12 @@ class Decision:
     saved: float = 0.0
     seconds: float = 0.0
     bounces: int | None = None
-    tolerance: float = float("nan")
+    tolerance: float | None = None
 
     @property
     def missed(self) -> bool:
         """Whether a user has switched the effect off although it surely contributes more than may be left out."""
-        bound = 0.0 if isnan(self.tolerance) else self.tolerance
-        return self.basis is Basis.USER and not self.simulated and self.low > bound
+        return self.basis is Basis.USER and not self.simulated and self.low > (self.tolerance or 0.0)
 
 
 def told(effects: str | Iterable[str] | None) -> str:
