@@ -23,8 +23,8 @@ from envbench.reference import Agreement, Reference, ReferenceSettings
 from envbench.scene import Effect, Plan, Scene, told
 from methods import METHODS
 from references import reference
-from references.effects.kept import decided
 from references.effects.facts import occasions
+from references.effects.kept import decided
 
 
 def _suites() -> dict[str, Path]:

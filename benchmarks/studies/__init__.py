@@ -88,6 +88,20 @@ def _shading() -> Study:
     return turning.shading()
 
 
+def _effects_known() -> Study:
+    """Effects planned on scenes of known answer: which, and what leaving out the others saves."""
+    from benchmarks.studies import effect_plans
+
+    return effect_plans.effects_known()
+
+
+def _effects_random() -> Study:
+    """Decisions about effects on random scenes: how many are wrong, how many needless, what they save."""
+    from benchmarks.studies import effect_trials
+
+    return effect_trials.effects_random()
+
+
 STUDIES: dict[str, Callable[[], Study]] = {
     "microfacet-orders": _microfacet_orders,
     "captured-energy": _captured_energy,
@@ -100,4 +114,6 @@ STUDIES: dict[str, Callable[[], Study]] = {
     "thin-membrane": _thin_membrane,
     "shading": _shading,
     "error-budget": _error_budget,
+    "effects-known": _effects_known,
+    "effects-random": _effects_random,
 }

@@ -106,7 +106,7 @@ class _Planner:
     def plan(self) -> Scene:
         """Decide by facts, then by probes, then on all that is left out together."""
         probed = [e for e in Effect if self._probed(e)]
-        more = {e: "; simulating it costs nothing" for e in FREE}
+        more = dict.fromkeys(FREE, "; simulating it costs nothing")
         if self.reference.variant.startswith("scalar"):
             more |= dict.fromkeys(probed, "; not probed, for a scalar variant is too slow")
             probed = []
