@@ -7,7 +7,7 @@ there is nothing to reflect light onto the shape, so with and without it are com
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -147,7 +147,9 @@ class _Planner:
     def _less(self, effect: Effect) -> Variant:
         """Return the variant that an effect is missing from; without shadows there are no bounces either."""
         effects = self._full.effects - {effect}
-        return Variant(effects - {BOUNCES, POSED}) if effect is SHADOWS else Variant(effects, self._full.bounces)
+        if effect is SHADOWS:
+            effects -= {BOUNCES, POSED}
+        return Variant(effects, self._full.bounces if BOUNCES in effects else 0)
 
     def _rendered(self, looks: Looks, variant: Variant) -> Array:
         """Return what a variant looks like, (K, n, 3); one of fewer bounces is part of the full one."""
@@ -177,21 +179,17 @@ class _Planner:
         self.started = time.perf_counter()
         undecided = list(probed)
         for looks in self._levels():
+            if self.looks and not self._affordable(looks):
+                return
             self.looks.append(looks)
             for effect in undecided:
                 self.bounds[effect] = self._measure(looks, effect)
             undecided = [e for e in undecided if not self._decided(e)]
-            if not undecided or not self._affordable():
-                break
-        if len(self.looks) == 1:  # whose time was that of compiling
-            again = replace(self.looks[0], seconds={}, seen={})
-            self.looks.insert(0, again)
-            for variant in self.looks[-1].seen:
-                again.bounced(variant, self.estimators)
+            if not undecided:
+                return
 
-    def _levels(self) -> Iterable[Looks]:
-        count, samples = _FIRST
-        first = look(self.scene, self.reference, count, samples, 0)
+    def _levels(self) -> Iterator[Looks]:
+        first = look(self.scene, self.reference, *_FIRST, 0)
         yield first
         for number, samples in enumerate(_SAMPLES, 1):
             if not (first.whole and samples <= first.samples):
@@ -214,14 +212,17 @@ class _Planner:
         bare = self._less(SHADOWS) if SHADOWS in self._full.effects else self._full
         return max(_LEAST, _SHARE * (self._cost(self._full) - self._cost(bare)))
 
-    def _affordable(self) -> bool:
-        return time.perf_counter() - self.started < self._budget
+    def _affordable(self, looks: Looks) -> bool:
+        """Whether a look fits into the budget: a given one is of seconds in all, else of what kernels run for."""
+        ran = sum(past.rates[variant] * past.lanes for past in self.looks for variant in past.rates)
+        spent = ran if self.settings.budget is None else time.perf_counter() - self.started
+        return spent + looks.lanes * sum(self._rate(variant) for variant in self.estimators) <= self._budget
 
     # ---- what it costs
 
     def _rate(self, variant: Variant) -> float:
         """Return seconds a sample, by the quickest look; of what was not looked at, in proportion to its rays."""
-        known = [looks.seconds[variant] / looks.lanes for looks in self.looks if variant in looks.seconds]
+        known = [looks.rates[variant] for looks in self.looks if variant in looks.rates]
         if known:
             return min(known)
         share = (1 + variant.bounces) / (1 + self._full.bounces) if SHADOWS in variant.effects else 0.5
@@ -272,18 +273,20 @@ class _Planner:
 
     def _together(self, kept: dict[Effect, int], reasons: dict[Effect, str]) -> None:
         """Put effects back, the largest first, until what is left out stays below the tolerance together."""
-        full = self._rendered(self.looks[-1], self._full)
-        while True:
-            without = {e for e, many in kept.items() if not many}
-            if SHADOWS in without and not kept.get(BOUNCES):
-                without.add(POSED)
-            elif BOUNCES in kept:
-                without.discard(SHADOWS)
+        while sum(many < len(self.bounds[e]) for e, many in kept.items()) > 1:
+            if not self.looks[-1].whole:
+                looks = look(self.scene, self.reference, len(self.scene.points), _SAMPLES[0], 1)
+                self.looks.append(looks)
+            looks, without = self.looks[-1], {e for e, many in kept.items() if not many}
             bounces = kept.get(BOUNCES, self._full.bounces)
-            if not without - {SHADOWS, BOUNCES, POSED} and bounces == self._full.bounces and not without:
-                return
-            variant = Variant(self._full.effects - without, bounces)
-            if self.looks[-1].bound(full, self._rendered(self.looks[-1], variant)).high < self.settings.limit:
+            if bounces:
+                without.discard(SHADOWS)
+            elif SHADOWS in without:
+                without.add(POSED)
+            joint = looks.bound(
+                self._rendered(looks, self._full), self._rendered(looks, Variant(self._full.effects - without, bounces))
+            )
+            if joint.high < self.settings.limit:
                 return
             rests = {e: self.bounds[e][many].value for e, many in kept.items() if many < len(self.bounds[e])}
             largest = max(rests, key=lambda e: rests[e])

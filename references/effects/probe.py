@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -68,6 +69,8 @@ class Looks:
         Which points are looked at, each one time out of n.
     whole : bool
         These are all points of the scene, once each.
+    seconds, rates : dict
+        What a variant took in all, its kernels' compilation included; and its kernels' run alone, a sample.
     """
 
     scene: Scene
@@ -77,6 +80,7 @@ class Looks:
     samples: int
     number: int
     seconds: dict[Variant, float] = field(default_factory=dict[Variant, float])
+    rates: dict[Variant, float] = field(default_factory=dict[Variant, float])
     seen: dict[Variant, Array] = field(default_factory=dict[Variant, Array])
 
     @property
@@ -87,13 +91,19 @@ class Looks:
     def bounced(self, variant: Variant, estimators: Estimators) -> Array:
         """Return the radiance with at most 0, 1, ... bounces, (1 + bounces, K, n, 3)."""
         if variant not in self.seen:
+            import drjit as dr
+
             start = time.perf_counter()
             if variant not in estimators:
                 estimators[variant] = _estimator(self.scene, variant, self.settings.variant)
             scene, estimator = estimators[variant]
             points = scene.points.taken(np.tile(self.points, REPLICATES))
             seed = np.random.SeedSequence((self.settings.seed, _STREAM, self.number))
-            found = estimator.by_bounce(points, self.samples, seed)
+            with dr.scoped_set_flag(dr.JitFlag.KernelHistory, True):
+                dr.kernel_history_clear()
+                found = estimator.by_bounce(points, self.samples, seed)
+                kernels = dr.kernel_history()
+            self.rates[variant] = sum(k.get("execution_time", 0.0) for k in kernels) / 1000 / self.lanes
             if points.modulation is not None:
                 found = found * points.modulation
             self.seen[variant] = np.cumsum(found, axis=0).reshape(len(found), REPLICATES, -1, 3)
@@ -144,15 +154,20 @@ def point_bound(difference: Array, full: Array, without: Array) -> Bound:
     order = np.argsort(x)[::-1]
     single, rest = order[:_SINGLE], order[_SINGLE:]
     groups = [part for part in np.array_split(rest, _SINGLE) if len(part)]
-    sizes = np.array([1] * len(single) + [len(part) for part in groups])
+    sizes = (*(1 for _ in single), *(len(part) for part in groups))
     xs, ps = (np.concatenate([v[single], [v[part].mean() for part in groups]]) for v in (x, p))
-    rng = np.random.default_rng(_STREAM)
-    weights = rng.standard_gamma(sizes, (_DRAWS, len(sizes)))
-    beside = rng.standard_exponential(_DRAWS)
+    weights, beside = _dirichlet(sizes)
     power = weights @ ps
     low = np.quantile(weights @ xs / (power + beside * p.mean()), 1 - CONFIDENCE)
     high = np.quantile((weights @ xs + beside * most) / (power + beside * p.mean()), CONFIDENCE)
     return _rooted(float(x.mean() / p.mean()), float(low), float(high))
+
+
+@lru_cache(maxsize=4)
+def _dirichlet(sizes: tuple[int, ...]) -> tuple[Array, Array]:
+    """Return draws of exponential weights, summed over groups of these sizes, and of one weight beside them."""
+    rng = np.random.default_rng(_STREAM)
+    return rng.standard_gamma(sizes, (_DRAWS, len(sizes))), rng.standard_exponential(_DRAWS)
 
 
 def _rooted(value: float, low: float, high: float) -> Bound:

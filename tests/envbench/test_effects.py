@@ -17,6 +17,7 @@ MESH = TriangleMesh(np.eye(3), np.array([[0, 1, 2]], np.int32), np.eye(3))
 POSE = Pose("bent", np.eye(3), np.eye(3), np.tile(np.eye(3), (3, 1, 1)))
 LEAF = Geometry("leaf", MESH, convex=False)
 SHADOWS, DEFORMS, VIEWED = Effect.SELF_SHADOWING, Effect.DEFORMATION, Effect.VIEW_DEPENDENCE
+BOUNCES = Effect.INTERREFLECTION
 
 
 def built(monkeypatch: pytest.MonkeyPatch, shape: Geometry, kind: str, effects: tuple[Effect, ...] | None) -> Scene:
@@ -36,13 +37,13 @@ def built(monkeypatch: pytest.MonkeyPatch, shape: Geometry, kind: str, effects: 
     ("shape", "kind", "effects", "expected"),
     [
         (replace(LEAF, convex=True), "lambertian", None, set[Effect]()),
-        (LEAF, "lambertian", None, {SHADOWS}),
-        (LEAF, "phong", None, {SHADOWS, VIEWED}),
-        (replace(LEAF, pose=POSE), "lambertian", None, {SHADOWS, DEFORMS}),
-        (replace(LEAF, convex=True, pose=POSE), "lambertian", None, {SHADOWS, DEFORMS}),
-        (replace(LEAF, convex=True, pose=replace(POSE, convex=True)), "lambertian", None, {DEFORMS}),
+        (LEAF, "lambertian", None, {SHADOWS, BOUNCES}),
+        (LEAF, "phong", None, {SHADOWS, BOUNCES, VIEWED}),
+        (replace(LEAF, pose=POSE), "lambertian", None, {SHADOWS, BOUNCES, DEFORMS}),
+        (replace(LEAF, convex=True, pose=POSE), "lambertian", None, {SHADOWS, BOUNCES, DEFORMS}),
+        (replace(LEAF, convex=True, pose=replace(POSE, convex=True)), "lambertian", None, set[Effect]()),
         (replace(LEAF, pose=POSE), "lambertian", (SHADOWS,), {SHADOWS}),
-        (replace(LEAF, pose=POSE), "phong", (), {VIEWED}),
+        (replace(LEAF, pose=POSE), "phong", (), set[Effect]()),
         (LEAF, "lambertian", (SHADOWS, Effect.INTERREFLECTION), {SHADOWS, Effect.INTERREFLECTION}),
     ],
 )

@@ -22,7 +22,7 @@ from envbench.errors import BadInput
 from envbench.geometry import Geometry, Points, TriangleMesh
 from envbench.material import Lobe, Material
 from envbench.reference import ReferenceSettings
-from envbench.scene import Effect, Scene
+from envbench.scene import FREE, Effect, Scene
 from references.mitsuba_direct import estimator_for, render
 from references.quadrature import integrate
 
@@ -130,7 +130,7 @@ def test_shadows_are_those_of_direct(mi: ModuleType, lit: Environment, lobes: tu
     points = Points(floor, normal, normal, perpendicular(normal), view, np.full(100, 0.01))
     material = Material("test", lobes)
     geometry = Geometry("corner", mesh, convex=False)
-    scene = Scene("test", lit, material, geometry, points, effects=frozenset({Effect.SELF_SHADOWING}))
+    scene = Scene("test", lit, material, geometry, points, effects=FREE | {Effect.SELF_SHADOWING})
     ours = replicates(scene, 256)
     shape = mitsuba_mesh(mi, mesh)
     shape.set_bsdf(bsdf(material))
