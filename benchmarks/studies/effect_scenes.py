@@ -47,9 +47,9 @@ SKY = {"kind": "projected", "of": "studio", "order": 6}
 CONSTANT = {"kind": "constant"}
 LAMP = {"kind": "lamps", "lamps": [{"direction": [0.5, -0.4, 0.77], "width": 0.06, "radiance": 200.0}]}
 
-_FRONT = {"kind": "image", "size": 96, "direction": [0.3, -1.0, 0.4]}
-_ABOVE = {"kind": "image", "size": 96, "direction": [0.2, -0.5, 1.0]}
-_INTO = {"kind": "image", "size": 96, "direction": [0.1, -0.2, 1.0]}
+_FRONT = {"kind": "image", "size": 64, "direction": [0.3, -1.0, 0.4]}
+_ABOVE = {"kind": "image", "size": 64, "direction": [0.2, -0.5, 1.0]}
+_INTO = {"kind": "image", "size": 64, "direction": [0.1, -0.2, 1.0]}
 _BETWEEN = {"kind": "vertices"}
 
 
@@ -72,7 +72,7 @@ def known() -> tuple[Known, ...]:
                "flat at rest, so that its folds alone shadow; too dark to send light on"),
         _known("facing walls, white", SKY, _diffuse(0.9), "walls", _BETWEEN, {_SHADOW, _BOUNCE},
                "each fills much of the other's view"),
-        _known("facing walls, black", SKY, _diffuse(0.002), "walls", _BETWEEN, {_SHADOW}, "what hides sends nothing"),
+        _known("facing walls, black", SKY, _diffuse(0.0004), "walls", _BETWEEN, {_SHADOW}, "what hides sends nothing"),
         _known("thin membrane", SKY, presets["membrane"], "patch-flat", _ABOVE, set(), "flat, and both sides seen"),
         _known("waffle", SKY, TRANSLUCENT, "slab-waffle", _ABOVE, {_INSIDE}, "light leaves where it did not enter"),
         _known("anisotropic hair", "esplanade", presets["kajiya-kay"], "ellipsoid", _FRONT, {_VIEW, _TANGENT, _DETAIL},

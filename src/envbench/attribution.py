@@ -15,10 +15,13 @@ from dataclasses import replace
 from envbench.records import CellResult, Score
 from envbench.scene import Effect, Scene
 
-ATTRIBUTED = frozenset({Effect.SELF_SHADOWING, Effect.INTERREFLECTION, Effect.DEFORMATION, Effect.SUBSURFACE})
-"""Effects that a reference leaves out where they are not among those of its scene."""
-RESTS_ON = {Effect.INTERREFLECTION: Effect.SELF_SHADOWING, Effect.DEFORMATION: Effect.SELF_SHADOWING}
-"""What is no effect without another: what sends light on hides it too, and a pose moves what hides."""
+RESTS_ON = {
+    Effect.INTERREFLECTION: Effect.SELF_SHADOWING,
+    Effect.DEFORMATION: Effect.SELF_SHADOWING,
+    Effect.PERSPECTIVE: Effect.VIEW_DEPENDENCE,
+}
+"""What is no effect without another: what sends light on hides it too, a pose moves what hides, and a viewer is
+nowhere to a surface that looks the same to all."""
 
 
 def without(scene: Scene, lacks: Collection[Effect]) -> Scene | None:
@@ -26,7 +29,7 @@ def without(scene: Scene, lacks: Collection[Effect]) -> Scene | None:
 
     Points of a posed shape that do not say where at rest they are leave deformation out of no reference.
     """
-    if not lacks or not ATTRIBUTED.issuperset(lacks):
+    if not lacks:
         return None
     kept = {effect for effect in scene.effects if effect not in lacks and RESTS_ON.get(effect) not in lacks}
     placed = scene.points.triangle is not None and scene.points.barycentric is not None
