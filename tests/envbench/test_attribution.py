@@ -151,7 +151,7 @@ def scene(*effects: Effect, posed: bool = False, placed: bool = True) -> Scene:
         ({SHADOWS, BOUNCES}, {BOUNCES}, {SHADOWS}),
         ({SHADOWS, BOUNCES, DEFORMS, VIEWED}, {SHADOWS}, {VIEWED}),  # what rests on shadows goes with them
         ({SHADOWS, BOUNCES, DEFORMS}, {DEFORMS}, {SHADOWS, BOUNCES}),
-        ({SHADOWS, VIEWED}, {SHADOWS, VIEWED}, None),  # no reference leaves out how a material looks
+        ({SHADOWS, VIEWED}, {VIEWED}, {SHADOWS}),
         ({SHADOWS}, set[Effect](), None),
     ],
 )
