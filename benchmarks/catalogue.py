@@ -96,7 +96,7 @@ class Catalogue:
 
 
 def _sensible(name: str, scene: Scene, listed: Sequence[Effect]) -> frozenset[Effect]:
-    """Return the effects of a list, if they make sense on a scene."""
+    """Return the effects of a list that a scene has occasion for, if all of it makes sense there."""
     shape = scene.geometry
     if Effect.SUBSURFACE in listed and Effect.SUBSURFACE not in occasions(scene):
         raise BadInput(
@@ -106,7 +106,7 @@ def _sensible(name: str, scene: Scene, listed: Sequence[Effect]) -> frozenset[Ef
         raise BadInput(f"scene '{name}': '{shape.name}' has no pose; leave {Effect.DEFORMATION} out of its effects.")
     if Effect.INTERREFLECTION in listed and Effect.SELF_SHADOWING not in listed:
         raise BadInput(f"scene '{name}': what sends light on hides it too; add {Effect.SELF_SHADOWING} to its effects.")
-    return frozenset(listed)
+    return frozenset(listed) & occasions(scene)
 
 
 def _text(spec: Any) -> str:

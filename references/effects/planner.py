@@ -123,9 +123,8 @@ class _Planner:
             self._probe(probed)
         decisions: list[Decision] = []
         for effect, fact in self.known.items():
-            if effect in chosen:
-                note = "" if fact.occasion else f", though {fact.reason}"
-                decisions.append(Decision(effect, True, Basis.USER, f"asked for{note}"))
+            if effect in chosen and fact.occasion:
+                decisions.append(Decision(effect, True, Basis.USER, "asked for"))
             elif effect in self.bounds:
                 decisions.append(replace(self._decision(effect, False, "left out as asked"), basis=Basis.USER))
             elif fact.occasion:
@@ -179,12 +178,13 @@ class _Planner:
         self.started = time.perf_counter()
         undecided = list(probed)
         for looks in self._levels():
-            if self.looks and not self._affordable(looks):
+            if len(self.looks) > 1 and not self._affordable(looks):
                 return
             self.looks.append(looks)
             for effect in undecided:
                 self.bounds[effect] = self._measure(looks, effect)
-            undecided = [e for e in undecided if not self._decided(e)]
+            every = self.settings.probe == Probe.ALL and not looks.whole  # for what is shown, at all points
+            undecided = [e for e in undecided if every or not self._decided(e)]
             if not undecided:
                 return
 
@@ -213,7 +213,10 @@ class _Planner:
         return max(_LEAST, _SHARE * (self._cost(self._full) - self._cost(bare)))
 
     def _affordable(self, looks: Looks) -> bool:
-        """Whether a look fits into the budget: a given one is of seconds in all, else of what kernels run for."""
+        """Whether a look fits into the budget: a given one is of seconds in all, else of what kernels run for.
+
+        The first look, and the first at all points, are always taken.
+        """
         ran = sum(past.rates[variant] * past.lanes for past in self.looks for variant in past.rates)
         spent = ran if self.settings.budget is None else time.perf_counter() - self.started
         return spent + looks.lanes * sum(self._rate(variant) for variant in self.estimators) <= self._budget
