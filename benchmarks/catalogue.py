@@ -23,8 +23,8 @@ from envbench.reference import Agreement, Reference, ReferenceSettings
 from envbench.scene import Effect, Plan, Scene, told
 from methods import METHODS
 from references import reference
-from references.effects.kept import decided
 from references.effects.facts import occasions
+from references.effects.kept import decided
 
 
 def _suites() -> dict[str, Path]:
@@ -71,6 +71,16 @@ class Catalogue:
     ) -> Scene:
         """Return the scene with the effects, bounces and decisions that `settings` lead to, from `cache` if held."""
         return decided(scene, settings, reference, cache)
+
+    def contributions(
+        self, scene: Scene, settings: EffectSettings, reference: ReferenceSettings
+    ) -> tuple[Scene, bytes | None]:
+        """Return the scene with its decisions, every effect measured, and a PNG of what each makes of its image."""
+        from benchmarks import effect_strip
+        from references.effects.planner import contributions
+
+        found = contributions(scene, settings, reference)
+        return found.scene, None if scene.points.pixel is None else effect_strip.draw(found)
 
     def reference(self, scene: Scene, settings: ReferenceSettings, cache: Path | None) -> Reference:
         """Return ground truth, from `cache` where it holds it."""
