@@ -141,7 +141,7 @@ def effects(
     from envbench.reference import ReferenceSettings
 
     settings = EffectSettings(accuracy=accuracy, tolerance=tolerance)
-    contributions.show(scene, settings, ReferenceSettings(floor=floor), out, root)
+    contributions.show(scene, settings, ReferenceSettings(floor=floor, budget=float("inf")), out, root)
 
 
 @app.command()
