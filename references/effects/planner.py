@@ -216,7 +216,7 @@ class _Planner:
         self.started = time.perf_counter()
         undecided = list(probed)
         for looks in self._levels():
-            if len(self.looks) > 1 and not self._affordable(looks):
+            if any(past.whole for past in self.looks) and not self._affordable(looks):
                 return
             self.looks.append(looks)
             for effect in undecided:
@@ -253,7 +253,7 @@ class _Planner:
     def _affordable(self, looks: Looks) -> bool:
         """Whether a look fits into the budget: a given one is of seconds in all, else of what kernels run for.
 
-        The first look, and the first at all points, are always taken.
+        Looks up to the first at all points are always taken.
         """
         ran = sum(past.rates[variant] * past.lanes for past in self.looks for variant in past.rates)
         spent = ran if self.settings.budget is None else time.perf_counter() - self.started
@@ -275,7 +275,7 @@ class _Planner:
         values = self.whole(looks)
         samples = needed_samples(values, np.ones(values.shape[1]), looks.samples, self.reference.floor)
         lanes = max(samples, _FIRST_LOOK) * self.reference.replicates * len(self.scene.points)
-        return min(self._rate(variant) * lanes, self.reference.budget)
+        return float(min(self._rate(variant) * lanes, self.reference.budget))
 
     def _spent(self, effect: Effect) -> float:
         """Return the seconds of an effect's own renderings, and its share of those that all are held against."""

@@ -195,4 +195,4 @@ def needed_samples(values: Array, weight: Array, samples: int, floor: float, ord
     """Return how many samples a point and replicate bring the noise of replicates (K, n, 3) down to `floor`."""
     noise = float(np.average(values.var(0, ddof=1).mean(-1), weights=weight)) / len(values)
     power = max(float(np.average((values.mean(0) ** 2).mean(-1), weights=weight)) - noise, 0.0)
-    return samples * (np.sqrt(noise / power) / floor) ** (1 / order) if power > 0 else 0.0
+    return samples * float(np.sqrt(noise / power) / floor) ** (1 / order) if power > 0 else 0.0
