@@ -72,6 +72,16 @@ class Catalogue:
         """Return the scene with the effects, bounces and decisions that `settings` lead to, from `cache` if held."""
         return decided(scene, settings, reference, cache)
 
+    def contributions(
+        self, scene: Scene, settings: EffectSettings, reference: ReferenceSettings
+    ) -> tuple[Scene, bytes | None]:
+        """Return the scene with its decisions, every effect measured, and a PNG of what each makes of its image."""
+        from benchmarks import effect_strip
+        from references.effects.planner import contributions
+
+        found = contributions(scene, settings, reference)
+        return found.scene, None if scene.points.pixel is None else effect_strip.draw(found)
+
     def reference(self, scene: Scene, settings: ReferenceSettings, cache: Path | None) -> Reference:
         """Return ground truth, from `cache` where it holds it."""
         return reference(scene, settings, cache)
@@ -96,7 +106,7 @@ class Catalogue:
 
 
 def _sensible(name: str, scene: Scene, listed: Sequence[Effect]) -> frozenset[Effect]:
-    """Return the effects of a list, if they make sense on a scene."""
+    """Return the effects of a list that a scene has occasion for, if all of it makes sense there."""
     shape = scene.geometry
     if Effect.SUBSURFACE in listed and Effect.SUBSURFACE not in occasions(scene):
         raise BadInput(
@@ -106,7 +116,7 @@ def _sensible(name: str, scene: Scene, listed: Sequence[Effect]) -> frozenset[Ef
         raise BadInput(f"scene '{name}': '{shape.name}' has no pose; leave {Effect.DEFORMATION} out of its effects.")
     if Effect.INTERREFLECTION in listed and Effect.SELF_SHADOWING not in listed:
         raise BadInput(f"scene '{name}': what sends light on hides it too; add {Effect.SELF_SHADOWING} to its effects.")
-    return frozenset(listed)
+    return frozenset(listed) & occasions(scene)
 
 
 def _text(spec: Any) -> str:

@@ -15,6 +15,7 @@ drawn by a sampler of their own, so that all other random numbers are those of t
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
@@ -217,7 +218,9 @@ class Estimator:
 
         lanes = len(chosen) * samples
         _ = self.surface.bsdf, self.surface.texture, self._scenes  # before all else, for kernels to be the same again
-        draws = [self._sampler(mi, samples, dr.opaque(mi.UInt32, s), lanes) for s in self._seeds(seed)]
+        draws = [
+            [self._sampler(mi, samples, dr.opaque(mi.UInt32, s), lanes) for s in own] for own in self._seeds(seed)
+        ]
         point = dr.arange(mi.UInt32, lanes) // dr.opaque(mi.UInt32, samples)
 
         def spread(values: Array) -> Any:
@@ -228,9 +231,11 @@ class Estimator:
         dr.eval(found)
         return np.array([[dr.block_sum(mi.Float64(c), samples).numpy() for c in rgb] for rgb in found]).swapaxes(1, 2)
 
-    def _seeds(self, seed: int) -> tuple[int, ...]:
+    def _seeds(self, seed: int) -> list[tuple[int, ...]]:
+        """Return the seeds of each part of the light: its own, so that no part's numbers depend on another's bounces."""
         averaged = self.surface.any_view or self.surface.any_tangent
-        return (seed, seed ^ _OWN) if averaged else (seed,)
+        parts = [seed ^ (2 * part * _OWN & 0xFFFFFFFF) for part in range(len(self._scenes))]
+        return [(part, part ^ _OWN) if averaged else (part,) for part in parts]
 
     def _sampler(self, mi: Any, samples: int, seed: Any, lanes: int) -> Any:
         sampler = mi.load_dict({"type": self.sampler, "sample_count": samples})
@@ -242,7 +247,7 @@ class Estimator:
 
     def _one_by_one(self, mi: Any, points: Points, chosen: NDArray[np.int_], samples: int, seed: int) -> Array:
         """Return the sum over the samples of the one `chosen` point, (3,)."""
-        draws = [self._sampler(mi, samples, s, 1) for s in self._seeds(seed)]
+        draws = [[self._sampler(mi, samples, s, 1) for s in own] for own in self._seeds(seed)]
 
         def taken(values: Array) -> Any:
             return mi.Vector3f(*(float(v) for v in values[chosen[0]]))
@@ -251,22 +256,22 @@ class Estimator:
         total = np.zeros(3)
         for _ in range(samples):
             total += np.array(self._radiance(mi, interaction, place, draws), float)
-            for sampler in draws:
+            for sampler in itertools.chain(*draws):
                 sampler.advance()
         return total
 
-    def _radiance(self, mi: Any, si: Any, place: _Place, draws: Draws) -> Any:
+    def _radiance(self, mi: Any, si: Any, place: _Place, draws: list[Draws]) -> Any:
         """Return one estimate of the reflected radiance."""
         total = mi.Color3f(0)
         for part in self._by_bounce(mi, si, place, draws):
             total += part
         return total
 
-    def _by_bounce(self, mi: Any, si: Any, place: _Place, draws: Draws) -> list[Any]:
+    def _by_bounce(self, mi: Any, si: Any, place: _Place, draws: list[Draws]) -> list[Any]:
         """Return one estimate for each number of bounces, of the light's parts by their signs."""
         totals = [mi.Color3f(0) for _ in range(1 + self.surface.bounces)]
-        for sign, scene in self._scenes:
-            for depth, part in enumerate(self._part(mi, scene.environment(), si, place, draws)):
+        for (sign, scene), own in zip(self._scenes, draws, strict=True):
+            for depth, part in enumerate(self._part(mi, scene.environment(), si, place, own)):
                 totals[depth] += sign * part
         return totals
 

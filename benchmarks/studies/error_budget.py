@@ -31,8 +31,8 @@ def error_budget() -> Study:
             geometry=CATALOGUE.geometries["head-bent"], view={"kind": "vertices", "count": COUNT}, effects=effects,
         )
         for name, of, effects in (
-            ("whole", light, None),
-            ("banded", projected, None),
+            ("whole", light, (Effect.SELF_SHADOWING, Effect.DEFORMATION, Effect.LIGHT_DETAIL)),
+            ("banded", projected, (Effect.SELF_SHADOWING, Effect.DEFORMATION)),
             ("local", projected, (Effect.SELF_SHADOWING,)),
         )
     }  # fmt: skip
@@ -121,7 +121,8 @@ def transfer_agreement() -> Study:
     for name in ("esplanade-6", "studio-6", "workshop-6"):
         scene = CATALOGUE.scene(
             name="head", light=CATALOGUE.lights[name], material=CATALOGUE.materials["lambertian"],
-            geometry=CATALOGUE.geometries["head"], view={"kind": "vertices", "count": COUNT}, effects=None,
+            geometry=CATALOGUE.geometries["head"], view={"kind": "vertices", "count": COUNT},
+            effects=(Effect.SELF_SHADOWING,),
         )  # fmt: skip
         truth = reference(scene, ReferenceSettings(floor=FLOOR, budget=BUDGET))
         found = _shaded(SHRotation(), replace(scene, points=scene.points))

@@ -17,9 +17,9 @@ from envbench.environment import Environment
 from envbench.material import Centre, Material
 from envbench.scene import Effect, Scene
 
-DETAIL = 2e-3
-"""RMS of a light beyond its first bands, relative to that of the light, which counts as none: a light projected to
-these bands is a bilinear map, and bends off the harmonics by half of this between its samples."""
+DETAIL = 1e-3
+"""RMS of a light beyond its first bands, relative to its own, that counts as none: the map of a light projected to these
+bands keeps a fifth of this beyond them."""
 
 
 @dataclass(frozen=True)

@@ -18,13 +18,15 @@ from envbench.reference import ReferenceSettings
 from envbench.scene import FREE, Basis, Decision, Effect, Plan, Scene
 from references.effects.bounces import rest_of_bounces
 from references.effects.facts import Fact, facts
-from references.effects.probe import Bound, Estimators, Looks, Variant, look, needed_samples
+from references.effects.probe import REPLICATES, Bound, Estimators, Looks, Variant, look, needed_samples
 
 SHADOWS, BOUNCES, POSED = Effect.SELF_SHADOWING, Effect.INTERREFLECTION, Effect.DEFORMATION
 _FIRST = 512, 16
 """Points and samples of the first look: enough to see what matters much."""
 _SAMPLES = 4, 16, 64, 256, 1024
 """Samples of the looks at all points that follow, until the bounds decide."""
+_SHOWN = 16
+"""Samples, of each replicate, of pictures."""
 _SHARE, _LEAST = 0.05, 0.3
 """Budget of the probes: part of what leaving effects out could save, and seconds at least."""
 _FIRST_LOOK = 64
@@ -54,6 +56,39 @@ def planned(scene: Scene, settings: EffectSettings, reference: ReferenceSettings
             return _Planner(scene, settings, reference, known).plan()
         case _:
             return _Planner(scene, settings, reference, known).listed(frozenset(Effect(e) for e in settings.plan))
+
+
+@dataclass(frozen=True, eq=False)
+class Contributions:
+    """What each measured effect makes of a scene, at all its points.
+
+    Attributes
+    ----------
+    scene : Scene
+        With its decisions.
+    radiance : (n, 3)
+        With all effects that the scene has occasion for.
+    differences : dict of Effect to (n, 3)
+        Radiance with an effect less that without it.
+    samples : int
+        That each was estimated from, at a point.
+    """
+
+    scene: Scene
+    radiance: Array
+    differences: dict[Effect, Array]
+    samples: int
+
+
+def contributions(scene: Scene, settings: EffectSettings, reference: ReferenceSettings) -> Contributions:
+    """Plan a scene, measure every effect that it has occasion for, and look at what each makes of it."""
+    scene = replace(scene, order=settings.order)
+    planner = _Planner(scene, replace(settings, plan=Plan.AUTO, probe=Probe.ALL), reference, facts(scene))
+    made = planner.plan()
+    looks = look(scene, reference, len(scene.points), _SHOWN, len(_SAMPLES) + 1)
+    pairs = {effect: planner.pair(looks, effect) for effect in planner.bounds}
+    differences = {effect: (full - without).mean(0) for effect, (full, without) in pairs.items()}
+    return Contributions(made, planner.whole(looks).mean(0), differences, REPLICATES * looks.samples)
 
 
 def _all(scene: Scene, known: dict[Effect, Fact]) -> Scene:
@@ -123,9 +158,8 @@ class _Planner:
             self._probe(probed)
         decisions: list[Decision] = []
         for effect, fact in self.known.items():
-            if effect in chosen:
-                note = "" if fact.occasion else f", though {fact.reason}"
-                decisions.append(Decision(effect, True, Basis.USER, f"asked for{note}"))
+            if effect in chosen and fact.occasion:
+                decisions.append(Decision(effect, True, Basis.USER, "asked for"))
             elif effect in self.bounds:
                 decisions.append(replace(self._decision(effect, False, "left out as asked"), basis=Basis.USER))
             elif fact.occasion:
@@ -158,20 +192,23 @@ class _Planner:
             return looks.bounced(full, self.estimators)[variant.bounces]
         return looks.bounced(variant, self.estimators)[-1]
 
+    def whole(self, looks: Looks) -> Array:
+        """Return what a scene looks like with all effects, (K, n, 3)."""
+        return self._rendered(looks, self._full)
+
+    def pair(self, looks: Looks, effect: Effect) -> tuple[Array, Array]:
+        """Return what a scene looks like with an effect and without it, (K, n, 3) each."""
+        full = Variant(self._full.effects, 0) if effect is SHADOWS else self._full
+        return self._rendered(looks, full), self._rendered(looks, self._less(effect))
+
     def _measure(self, looks: Looks, effect: Effect) -> list[Bound]:
         """Return what leaving an effect out makes: of bounces, all of them, all but one, all but two ..."""
-        full = self._rendered(looks, self._full)
-        match effect:
-            case Effect.INTERREFLECTION:
-                rests = [looks.bound(full, self._rendered(looks, Variant(self._full.effects, k)))
-                         for k in range(self._full.bounces)]  # fmt: skip
-                most = rest_of_bounces(self.scene, self._full.bounces) / _rms(full)
-                return [replace(b, high=min(b.high, float(m))) for b, m in zip(rests, most, strict=True)]
-            case Effect.SELF_SHADOWING:
-                full = self._rendered(looks, Variant(self._full.effects, 0))
-            case _:
-                pass
-        return [looks.bound(full, self._rendered(looks, self._less(effect)))]
+        if effect is not BOUNCES:
+            return [looks.bound(*self.pair(looks, effect))]
+        full, most = self.whole(looks), self._full.bounces
+        rests = [looks.bound(full, self._rendered(looks, Variant(self._full.effects, k))) for k in range(most)]
+        known = rest_of_bounces(self.scene, most) / _rms(full)
+        return [replace(b, high=min(b.high, float(m))) for b, m in zip(rests, known, strict=True)]
 
     # ---- looking until the bounds decide
 
@@ -179,12 +216,13 @@ class _Planner:
         self.started = time.perf_counter()
         undecided = list(probed)
         for looks in self._levels():
-            if self.looks and not self._affordable(looks):
+            if any(past.whole for past in self.looks) and not self._affordable(looks):
                 return
             self.looks.append(looks)
             for effect in undecided:
                 self.bounds[effect] = self._measure(looks, effect)
-            undecided = [e for e in undecided if not self._decided(e)]
+            every = self.settings.probe == Probe.ALL and not looks.whole  # for what is shown, at all points
+            undecided = [e for e in undecided if every or not self._decided(e)]
             if not undecided:
                 return
 
@@ -213,7 +251,10 @@ class _Planner:
         return max(_LEAST, _SHARE * (self._cost(self._full) - self._cost(bare)))
 
     def _affordable(self, looks: Looks) -> bool:
-        """Whether a look fits into the budget: a given one is of seconds in all, else of what kernels run for."""
+        """Whether a look fits into the budget: a given one is of seconds in all, else of what kernels run for.
+
+        Looks up to the first at all points are always taken.
+        """
         ran = sum(past.rates[variant] * past.lanes for past in self.looks for variant in past.rates)
         spent = ran if self.settings.budget is None else time.perf_counter() - self.started
         return spent + looks.lanes * sum(self._rate(variant) for variant in self.estimators) <= self._budget
@@ -231,10 +272,10 @@ class _Planner:
     def _cost(self, variant: Variant) -> float:
         """Estimate what a reference takes: the rate of the probe by the samples that its noise calls for."""
         looks = self.looks[-1]
-        values = self._rendered(looks, self._full)
+        values = self.whole(looks)
         samples = needed_samples(values, np.ones(values.shape[1]), looks.samples, self.reference.floor)
         lanes = max(samples, _FIRST_LOOK) * self.reference.replicates * len(self.scene.points)
-        return min(self._rate(variant) * lanes, self.reference.budget)
+        return float(min(self._rate(variant) * lanes, self.reference.budget))
 
     def _spent(self, effect: Effect) -> float:
         """Return the seconds of an effect's own renderings, and its share of those that all are held against."""
@@ -284,7 +325,7 @@ class _Planner:
             elif SHADOWS in without:
                 without.add(POSED)
             joint = looks.bound(
-                self._rendered(looks, self._full), self._rendered(looks, Variant(self._full.effects - without, bounces))
+                self.whole(looks), self._rendered(looks, Variant(self._full.effects - without, bounces))
             )
             if joint.high < self.settings.limit:
                 return

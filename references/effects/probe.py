@@ -6,6 +6,7 @@ over points by weight. Its bounds hold for the noise and for the choice of point
 
 - Some of the points were looked at. The mean of n numbers of unknown distribution on [0, M] has as bounds the quantiles
   of sums with Dirichlet weights, one more number beside them: M for the upper bound, 0 for the lower one (Gaffke 2005).
+  The lower bound is Student's where that is lower: noise makes some of the numbers negative.
   So what a contact shadow hides cannot be missed unnoticed: to rule out that 1 in 10,000 points, none of them seen, is
   wholly dark takes 46,000 points.
 - All points were looked at. What is left is noise: the delete-one jackknife over replicates, Student's t, widened
@@ -158,9 +159,12 @@ def point_bound(difference: Array, full: Array, without: Array) -> Bound:
     xs, ps = (np.concatenate([v[single], [v[part].mean() for part in groups]]) for v in (x, p))
     weights, beside = _dirichlet(sizes)
     power = weights @ ps
+    value = float(x.mean() / p.mean())
+    spread = (x - value * p).std(ddof=1) / np.sqrt(len(x)) / p.mean()
     low = np.quantile(weights @ xs / (power + beside * p.mean()), 1 - CONFIDENCE)
+    low = min(low, value - t_quantile(CONFIDENCE, len(x) - 1) * spread)
     high = np.quantile((weights @ xs + beside * most) / (power + beside * p.mean()), CONFIDENCE)
-    return _rooted(float(x.mean() / p.mean()), float(low), float(high))
+    return _rooted(value, float(low), float(high))
 
 
 @lru_cache(maxsize=4)
@@ -191,4 +195,4 @@ def needed_samples(values: Array, weight: Array, samples: int, floor: float, ord
     """Return how many samples a point and replicate bring the noise of replicates (K, n, 3) down to `floor`."""
     noise = float(np.average(values.var(0, ddof=1).mean(-1), weights=weight)) / len(values)
     power = max(float(np.average((values.mean(0) ** 2).mean(-1), weights=weight)) - noise, 0.0)
-    return samples * (np.sqrt(noise / power) / floor) ** (1 / order) if power > 0 else 0.0
+    return samples * float(np.sqrt(noise / power) / floor) ** (1 / order) if power > 0 else 0.0

@@ -68,6 +68,15 @@ class Catalogue(Protocol):
         """Return the scene with the effects, bounces and decisions that `settings` lead to, from `cache` if held."""
         ...
 
+    def contributions(
+        self, scene: Scene, settings: EffectSettings, reference: ReferenceSettings
+    ) -> tuple[Scene, bytes | None]:
+        """Return the scene with its decisions, every effect measured, and a PNG of what each makes of its image.
+
+        The picture is None where the scene's points form no image.
+        """
+        ...
+
     def reference(self, scene: Scene, settings: ReferenceSettings, cache: Path | None) -> Reference:
         """Return ground truth, from `cache` where it holds it."""
         ...

@@ -123,6 +123,28 @@ def show(
 
 
 @app.command()
+def effects(
+    scene: Annotated[
+        str, typer.Argument(metavar="SCENE", help="light/material/geometry/view, by name: see 'envbench list'.")
+    ],
+    out: Out = Path("results"),
+    root: Root = None,
+    tolerance: Annotated[
+        float | None, typer.Option(help="Contribution, relative to the RMS radiance, that is left out.")
+    ] = None,
+    accuracy: Annotated[float, typer.Option(help="Error that matters; the tolerance is a tenth of it.")] = 0.05,
+    floor: Annotated[float, typer.Option(help="Noise floor of the reference whose cost is estimated.")] = 1e-3,
+) -> None:
+    """Show which effects a scene calls for, what each contributes and costs, and images of that."""
+    from envbench import contributions
+    from envbench.effects import EffectSettings
+    from envbench.reference import ReferenceSettings
+
+    settings = EffectSettings(accuracy=accuracy, tolerance=tolerance)
+    contributions.show(scene, settings, ReferenceSettings(floor=floor, budget=float("inf")), out, root)
+
+
+@app.command()
 def report(run: Run = "latest", out: Out = Path("results")) -> None:
     """Write a run's HTML report again."""
     from envbench import session
