@@ -74,7 +74,8 @@ class GlossyLDPRT(Method):
                 raise BadInput(f"{key} must lie in [{low}, {high}]. Got {getattr(self, key)} instead.")
 
     def lacks(self, scene: Scene) -> frozenset[Effect]:
-        own = {Effect.VIEW_DEPENDENCE, Effect.PERSPECTIVE} | ({Effect.SELF_SHADOWING} if self.transfer == "shadowed" else set[Effect]())
+        shadows = {Effect.SELF_SHADOWING} if self.transfer == "shadowed" else set[Effect]()
+        own = {Effect.VIEW_DEPENDENCE, Effect.PERSPECTIVE} | shadows
         return scene.effects - own
 
     def declines(self, scene: Scene) -> str | None:
