@@ -2,7 +2,17 @@
 
 from __future__ import annotations
 
-from benchmarks.studies.contact_sheet import Scale, Tile, compose, enlarged, exposed, percent, round_limit, signed, toned
+from benchmarks.studies.contact_sheet import (
+    Scale,
+    Tile,
+    compose,
+    enlarged,
+    exposed,
+    percent,
+    round_limit,
+    signed,
+    toned,
+)
 from envbench.directions import Array
 from envbench.scene import Decision
 from envbench.tonemap import exposure
@@ -32,8 +42,11 @@ def draw(found: Contributions) -> bytes:
         for d in scene.decisions
         if d.effect in differences
     ]
-    notes = [f"Each with less without the effect; red: brighter with it. {found.samples} samples a pixel.", toned(stops)]
-    return compose([row], notes=notes, scale=Scale(limit, "RMS radiances") if differences else None)
+    notes = [
+        f"Each with less without the effect; red: brighter with it. {found.samples} samples a pixel.",
+        toned(stops),
+    ]
+    return compose([row], notes=[said, toned(stops)], scale=Scale(limit, "RMS radiances") if differences else None)
 
 
 def _caption(d: Decision) -> str:

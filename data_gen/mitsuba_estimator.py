@@ -218,9 +218,7 @@ class Estimator:
 
         lanes = len(chosen) * samples
         _ = self.surface.bsdf, self.surface.texture, self._scenes  # before all else, for kernels to be the same again
-        draws = [
-            [self._sampler(mi, samples, dr.opaque(mi.UInt32, s), lanes) for s in own] for own in self._seeds(seed)
-        ]
+        draws = [[self._sampler(mi, samples, dr.opaque(mi.UInt32, s), lanes) for s in own] for own in self._seeds(seed)]
         point = dr.arange(mi.UInt32, lanes) // dr.opaque(mi.UInt32, samples)
 
         def spread(values: Array) -> Any:
@@ -232,7 +230,7 @@ class Estimator:
         return np.array([[dr.block_sum(mi.Float64(c), samples).numpy() for c in rgb] for rgb in found]).swapaxes(1, 2)
 
     def _seeds(self, seed: int) -> list[tuple[int, ...]]:
-        """Return the seeds of each part of the light: its own, so that no part's numbers depend on another's bounces."""
+        """Return the seeds of each part of the light: no part's numbers depend on how often another's light bounces."""
         averaged = self.surface.any_view or self.surface.any_tangent
         parts = [seed ^ (2 * part * _OWN & 0xFFFFFFFF) for part in range(len(self._scenes))]
         return [(part, part ^ _OWN) if averaged else (part,) for part in parts]

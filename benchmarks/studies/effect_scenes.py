@@ -75,7 +75,7 @@ def known() -> tuple[Known, ...]:
         _known("facing walls, black", SKY, _diffuse(0.0004), "walls", _BETWEEN, {_SHADOW}, "what hides sends nothing"),
         _known("thin membrane", SKY, presets["membrane"], "patch-flat", _ABOVE, set(), "flat, and both sides seen"),
         _known("waffle", SKY, TRANSLUCENT, "slab-waffle", _ABOVE, {_INSIDE}, "light leaves where it did not enter"),
-        _known("anisotropic hair", "esplanade", {"kind": "kajiya-kay", "exponent": 32.0, "clipped": True}, "ellipsoid",
+        _known("anisotropic hair", "esplanade", {"kind": "kajiya-kay", "exponent": 32.0}, "ellipsoid",
                _FRONT, {_VIEW, _TANGENT, _DETAIL}, "highlights about the tangent"),
         _known("posed bat", SKY, _diffuse(0.01), "bat-flying", _FRONT, {_SHADOW, _POSE},
                "wings raised shadow the body, and it is too dark to send light on"),
@@ -97,8 +97,8 @@ _MATERIALS: tuple[Table, ...] = (
     {"kind": "phong", "exponent": 4.0, "reflectance": [0.6, 0.6, 0.6]},
     {"kind": "phong", "exponent": 64.0, "reflectance": [0.3, 0.5, 0.7]},
     {"kind": "ggx", "roughness": 0.4, "f0": [0.9, 0.6, 0.4]},
-    {"lobes": [{"kind": "kajiya-kay-diffuse", "reflectance": [0.3, 0.2, 0.1], "clipped": True},
-               {"kind": "kajiya-kay", "exponent": 16.0, "reflectance": [0.2, 0.2, 0.2], "clipped": True}]},
+    {"lobes": [{"kind": "kajiya-kay-diffuse", "reflectance": [0.3, 0.2, 0.1]},
+               {"kind": "kajiya-kay", "exponent": 16.0, "reflectance": [0.2, 0.2, 0.2]}]},
     {"kind": "membrane", "transparency": 0.5, "reflectance": [0.6, 0.6, 0.6]},
 )  # fmt: skip
 """What random scenes are made of: few, since each is compiled into Mitsuba's kernels."""

@@ -18,8 +18,8 @@ from envbench.material import Centre, Material
 from envbench.scene import Effect, Scene
 
 DETAIL = 1e-3
-"""RMS of a light beyond its first bands, relative to its own, that counts as none: the map of a light projected to these
-bands keeps a fifth of this beyond them."""
+"""RMS of a light beyond its first bands, relative to its own, that counts as none: the map of a light projected to
+these bands keeps a fifth of this beyond them."""
 
 
 @dataclass(frozen=True)

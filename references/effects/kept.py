@@ -58,7 +58,7 @@ def _read(file: Path) -> tuple[Decision, ...] | None:
 
 
 def _decision(row: Mapping[str, Any]) -> Decision:
-    values = {key: math.nan if value is None and key != "bounces" else value for key, value in row.items()}
+    values: dict[str, Any] = {k: math.nan if v is None and k != "bounces" else v for k, v in row.items()}
     return Decision(**(values | {"effect": Effect(row["effect"]), "basis": Basis(row["basis"])}))
 
 

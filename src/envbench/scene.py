@@ -98,11 +98,9 @@ def told(effects: str | Iterable[str] | None) -> str:
     """
     if effects is None:
         return ""
-    return (
-        f" [effects: {effects}]"
-        if isinstance(effects, str)
-        else f" [{', '.join(sorted(set(effects))) or 'no effects'}]"
-    )
+    if isinstance(effects, str):
+        return f" [effects: {effects}]"
+    return f" [{', '.join(sorted(set(effects))) or 'no effects'}]"
 
 
 @dataclass(frozen=True, eq=False)

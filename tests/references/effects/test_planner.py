@@ -2,21 +2,25 @@
 
 from __future__ import annotations
 
+import io
 from dataclasses import replace
 from pathlib import Path
-from types import ModuleType
+from types import ModuleType, SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from benchmarks.catalogue import CATALOGUE
 from envbench.effects import EffectSettings, warnings
 from envbench.reference import ReferenceSettings
 from envbench.scene import Basis, Decision, Effect, Plan, Scene
 from references.effects import planner
+from references.effects.facts import facts
 from references.effects.kept import decided
 from references.effects.planner import contributions, planned
+from references.effects.probe import Bound, Variant
 from references.mitsuba_direct import render
 
 SKY = {"kind": "projected", "of": "studio", "order": 4}
@@ -104,17 +108,26 @@ def test_what_is_undecided_is_simulated(mi: ModuleType) -> None:
     assert "undecided within its budget of 1e-06 s" in found.reason
 
 
-def test_small_effects_that_add_up_are_put_back(mi: ModuleType, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The largest first, until what is left out together is small."""
-    wave = {"kind": "wave", "amplitude": 0.02, "cycles": 2.0}
-    made = scene(0.1, 0.05, wave)
-    alone = by_effect(planned(made, EffectSettings(tolerance=1e-4), REFERENCE))
-    sizes = sorted((alone[e].high, e) for e in (B, D))
-    limit = sizes[-1][0] * 1.05  # each is below it by itself
-    together = by_effect(planned(made, EffectSettings(tolerance=limit), REFERENCE))
-    left = [e for e in (B, D) if not together[e].simulated]
-    if len(left) < 2:
-        assert "not together" in together[sizes[-1][1]].reason or together[sizes[-1][1]].high > limit
+def test_small_effects_that_add_up_are_put_back(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The largest first, a bounce at a time, until what is left out together is small."""
+    shape = scene(0.5, 0.2, {"kind": "wave", "amplitude": 0.02})
+    asked = planner._Planner(shape, AUTO, REFERENCE, facts(shape))
+    small, smaller = Bound(0.008, 0.007, 0.009), Bound(0.001, 0.0009, 0.002)
+    asked.bounds = {S: [Bound(0.5, 0.4, 0.6)], B: [small, smaller], D: [Bound(0.006, 0.005, 0.007)]}
+    rendered: list[Variant] = []
+
+    def bound(full: Variant, without: Variant) -> Bound:
+        rendered.append(without)
+        return Bound(0, 0, 0.009) if without.bounces or D in without.effects else Bound(0, 0, 0.012)
+
+    asked.looks = [SimpleNamespace(whole=True, bound=bound)]  # pyright: ignore[reportAttributeAccessIssue]
+    monkeypatch.setattr(planner._Planner, "_rendered", lambda self, looks, variant: variant)
+    kept, reasons = asked._kept([S, B, D])
+    assert kept == {S: 1, B: 0, D: 0}
+    asked._together(kept, reasons)
+    assert kept == {S: 1, B: 1, D: 0}
+    assert reasons[B] == "below the tolerance by itself, not together with others"
+    assert [(D in v.effects, v.bounces) for v in rendered] == [(False, 0), (False, 1)]
 
 
 def test_a_list_is_taken_and_what_it_leaves_out_is_measured(mi: ModuleType) -> None:
@@ -146,6 +159,16 @@ def test_decisions_are_kept(mi: ModuleType, tmp_path: Path, monkeypatch: pytest.
     file.write_text("[{")
     assert decided(scene(), AUTO, REFERENCE, tmp_path).effects == first.effects
     assert decided(scene(), replace(AUTO, tolerance=5.0), REFERENCE, tmp_path).effects == frozenset()
+
+
+def test_a_strip_shows_each_contribution(mi: ModuleType) -> None:
+    made, picture = CATALOGUE.contributions(scene(), EffectSettings(), REFERENCE)
+    assert made.effects == {S, B}
+    assert picture is not None
+    width, _ = Image.open(io.BytesIO(picture)).size
+    assert width > 3 * 32 * 6
+    points = CATALOGUE.contributions(scene(view={"kind": "vertices", "count": 50}), EffectSettings(), REFERENCE)
+    assert points[1] is None
 
 
 def test_contributions_are_those_of_all_effects_at_all_points(mi: ModuleType) -> None:
