@@ -161,12 +161,12 @@ def apart(full: Reference, other: Reference) -> float:
     return float(np.sqrt(max((square * full.weight).sum(), 0.0))) / (full.rms or 1.0)
 
 
-def transfer_seconds(scene: Scene) -> float:
+def transfer_seconds(scene: Scene, rays: int = 5000) -> float:
     """Return what simulating the transfer takes that a scene calls for: 0 where it is not diffuse, or no mesh."""
     diffuse = all(isinstance(lobe, Lambertian) for lobe in scene.material.lobes)
     if not diffuse or scene.geometry.mesh is None:
         return 0.0
     SIMULATIONS.kept.clear()
     start = time.perf_counter()
-    LDPRT(lobes=1).called_for(scene).prepare(scene.material, scene.geometry.rest)
+    LDPRT(lobes=1, rays=rays).called_for(scene).prepare(scene.material, scene.geometry.rest)
     return time.perf_counter() - start

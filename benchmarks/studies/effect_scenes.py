@@ -42,7 +42,7 @@ def _diffuse(reflectance: float) -> Table:
     return {"kind": "lambertian", "reflectance": [reflectance] * 3}
 
 
-SKY = {"kind": "projected", "of": "studio", "order": 6}
+SKY = {"kind": "band-limited", "order": 5, "seed": 3, "size": 240}
 """Light of six bands: nothing beyond them is left to simulate."""
 CONSTANT = {"kind": "constant"}
 LAMP = {"kind": "lamps", "lamps": [{"direction": [0.5, -0.4, 0.77], "width": 0.06, "radiance": 200.0}]}
@@ -127,7 +127,7 @@ def _light(rng: np.random.Generator) -> Table:
         case 3:
             return {"kind": "noise", "size": 16, "seed": seed}
         case 4:
-            return {"kind": "projected", "of": _captured(rng), "order": int(rng.integers(3, 7))}
+            return {"kind": "band-limited", "order": int(rng.integers(3, 6)), "seed": seed, "size": 240}
         case _:
             return CATALOGUE.lights[_captured(rng)]
 

@@ -7,17 +7,23 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from benchmarks import CATALOGUE
-from benchmarks.studies.effect_plans import apart, transfer_seconds
+from benchmarks.studies.effect_plans import transfer_seconds
 from benchmarks.studies.effect_scenes import drawn
+from envbench.directions import Array
 from envbench.effects import EffectSettings, Probe
 from envbench.records import Study
-from envbench.reference import Reference, ReferenceSettings
+from envbench.reference import ReferenceSettings
 from envbench.scene import Decision, Effect, Plan, Scene
 from references import reference
+from references.effects.probe import Estimators, Looks, Variant, look
 
 SCENES = 200
 TOLERANCES = 0.02, 0.005, 0.00125
-SETTINGS = ReferenceSettings(floor=3e-3, budget=10.0, bounces=4)
+SETTINGS = ReferenceSettings(floor=1e-2, budget=20.0, bounces=4)
+SAMPLES, RAYS = 64, 1000
+"""A point of each replicate, for what effects truly contribute; and from each vertex, for the time of transfer."""
+NOISE = 5e-4
+"""Of what is truly contributed, or less: paired renderings share most of their noise."""
 MOST_MISSED, MOST_NEEDLESS, LEAST_GAIN = 0.01, 0.2, 2.0
 NEEDLESS = 1 / 3
 """Of the tolerance: an effect that contributes less was simulated without need."""
@@ -26,31 +32,59 @@ _SHADOWS, _BOUNCES = Effect.SELF_SHADOWING, Effect.INTERREFLECTION
 
 @dataclass
 class Truth:
-    """References of one scene's variants, each made once."""
+    """What effects contribute to one scene, from paired renderings of all its points with seeds of their own.
+
+    Attributes
+    ----------
+    full : Scene
+        With all that its facts give occasion for, and `most` bounces.
+    """
 
     full: Scene
     most: int
-    made: dict[tuple[frozenset[Effect], int | None, bool], Reference] = field(default_factory=dict[Any, Reference])
+    looks: Looks
+    estimators: Estimators = field(default_factory=Estimators)
+    timed: dict[Any, float] = field(default_factory=dict[Any, float])
 
-    def of(self, scene: Scene) -> Reference:
-        """Return the reference of a variant."""
-        bounced = scene.bounces if _BOUNCES in scene.effects else None
-        key = scene.effects, bounced, scene.geometry.posed.convex
-        if key not in self.made:
-            self.made[key] = reference(scene, SETTINGS)
-        return self.made[key]
+    @classmethod
+    def of(cls, full: Scene, most: int) -> Truth:
+        """Return the truth about a scene, none of it rendered yet."""
+        settings = replace(SETTINGS, seed=1)
+        return cls(full, most, look(full, settings, len(full.points), SAMPLES, 0))
 
     def contribution(self, effect: Effect, bounces: int = 0) -> float:
         """Return what an effect adds, or inter-reflection beyond so many bounces; shadows are seen without bounces."""
         if effect not in self.full.effects:
             return 0.0
-        base, less = self.full, self.full.effects - {effect}
+        everything = self._by_bounce(self.full.effects)
+        if effect is _BOUNCES:
+            return self._apart(everything[-1], everything[min(bounces, len(everything) - 1)])
+        less = self.full.effects - {effect}
         if effect is _SHADOWS:
-            base = replace(base, effects=base.effects - {_BOUNCES})
-            less = base.effects - {effect, Effect.DEFORMATION}
-        if effect is _BOUNCES and bounces:
-            return apart(self.of(base), self.of(replace(base, bounces=bounces))) if bounces < self.most else 0.0
-        return apart(self.of(base), self.of(replace(base, effects=less)))
+            return self._apart(everything[0], self._by_bounce(less - {_BOUNCES, Effect.DEFORMATION})[0])
+        return self._apart(everything[-1], self._by_bounce(less)[-1])
+
+    def off(self, plan: Scene) -> float:
+        """Return how much a planned scene differs from the full one."""
+        found = self._by_bounce(plan.effects & self.full.effects)
+        bounces = self.most if plan.bounces is None else plan.bounces
+        return self._apart(self._by_bounce(self.full.effects)[-1], found[min(bounces, len(found) - 1)])
+
+    def seconds(self, scene: Scene) -> float:
+        """Return what reference and transfer of a scene take; the same computation is timed once."""
+        bounced = scene.bounces if _BOUNCES in scene.effects else None
+        key = scene.effects, bounced, scene.geometry.posed.convex
+        if key not in self.timed:
+            reference(scene, replace(SETTINGS, floor=1.0))  # compiles its kernels
+            self.timed[key] = reference(scene, SETTINGS).seconds + transfer_seconds(scene, RAYS)
+        return self.timed[key]
+
+    def _by_bounce(self, effects: frozenset[Effect]) -> Array:
+        bounces = self.most if _BOUNCES in effects else 0
+        return self.looks.bounced(Variant(effects, bounces), self.estimators)
+
+    def _apart(self, full: Array, other: Array) -> float:
+        return 0.0 if full is other else self.looks.bound(full, other).value
 
 
 @dataclass
@@ -89,30 +123,28 @@ def effects_random(scenes: int = SCENES, first: int = 0, told: Callable[[str], N
         scene = drawn(seed)
         full = CATALOGUE.effects(scene, EffectSettings(plan=Plan.FACTS), SETTINGS, None)
         every = CATALOGUE.effects(scene, EffectSettings(plan=Plan.ALL), SETTINGS, None)
-        most = SETTINGS.bounces
-        truth = Truth(replace(full, bounces=most), most)
-        whole = truth.of(replace(every, bounces=most))
-        whole_seconds = whole.seconds + transfer_seconds(replace(every, bounces=most))
+        truth = Truth.of(full, SETTINGS.bounces)
+        whole = truth.seconds(replace(every, bounces=SETTINGS.bounces))
         for tolerance, tally in tallies.items():
             planning = EffectSettings(tolerance=tolerance, probe=Probe.ALL)
             plan = CATALOGUE.effects(scene, planning, SETTINGS, None)
             for decision in plan.decisions:
                 tally.count(decision, truth, tolerance)
-            found = truth.of(plan)
-            off = apart(whole, found)
-            tally.within += off <= tolerance + (whole.floor**2 + found.floor**2) ** 0.5
-            tally.planned += found.seconds + transfer_seconds(plan)
-            tally.everything += whole_seconds
+            off = truth.off(plan)
+            tally.within += off <= tolerance + NOISE
+            tally.planned += truth.seconds(plan)
+            tally.everything += whole
             tally.probes += sum(d.seconds for d in plan.decisions)
             if told:
                 told(f"{scene.name} {tolerance} {off:.5f} {tally}")
     return Study(
         "effects-random",
         f"Decisions about effects on {scenes} random scenes",
-        f"Each effect's contribution is known from two references of noise floor {SETTINGS.floor:g}, with it and "
-        "without; an effect is missed if it was left out and contributes more than the tolerance, and needless if it "
+        f"Each effect's contribution is known from paired renderings of all points, with it and without, of {SAMPLES} "
+        "samples in each of 8 replicates; an effect is missed if it was left out and contributes more than the tolerance, and needless if it "
         f"was simulated and contributes less than {NEEDLESS:.2f} of that. Every effect was decided on, those too that "
-        "cost nothing. Intervals are 95 %, Clopper and Pearson's. Seconds of references and diffuse transfer.",
+        "cost nothing. Intervals are 95 %, Clopper and Pearson's. Seconds are those of references of noise floor "
+        f"{SETTINGS.floor:g} and of diffuse transfer of {RAYS:,} rays a vertex.",
         ("tolerance", "left out", "missed", "missed (95 %)", f"at most {MOST_MISSED:.0%}", "largest left out (of it)",
          "simulated", "needless", "needless (95 %)", f"at most {MOST_NEEDLESS:.0%}", "undecided",
          "results within tolerance and noise", "in every scene", "planned (s)", "probes (s)", "everything on (s)",
