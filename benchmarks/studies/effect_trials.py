@@ -141,10 +141,10 @@ def effects_random(scenes: int = SCENES, first: int = 0, told: Callable[[str], N
         "effects-random",
         f"Decisions about effects on {scenes} random scenes",
         f"Each effect's contribution is known from paired renderings of all points, with it and without, of {SAMPLES} "
-        "samples in each of 8 replicates; an effect is missed if it was left out and contributes more than the tolerance, and needless if it "
-        f"was simulated and contributes less than {NEEDLESS:.2f} of that. Every effect was decided on, those too that "
-        "cost nothing. Intervals are 95 %, Clopper and Pearson's. Seconds are those of references of noise floor "
-        f"{SETTINGS.floor:g} and of diffuse transfer of {RAYS:,} rays a vertex.",
+        "samples in each of 8 replicates; an effect is missed if it was left out and contributes more than the "
+        f"tolerance, and needless if it was simulated and contributes less than {NEEDLESS:.2f} of that. Every effect "
+        "was decided on, those too that cost nothing. Intervals are 95 %, Clopper and Pearson's. Seconds are those of "
+        f"references of noise floor {SETTINGS.floor:g} and of diffuse transfer of {RAYS:,} rays a vertex.",
         ("tolerance", "left out", "missed", "missed (95 %)", f"at most {MOST_MISSED:.0%}", "largest left out (of it)",
          "simulated", "needless", "needless (95 %)", f"at most {MOST_NEEDLESS:.0%}", "undecided",
          "results within tolerance and noise", "in every scene", "planned (s)", "probes (s)", "everything on (s)",
