@@ -42,10 +42,7 @@ def draw(found: Contributions) -> bytes:
         for d in scene.decisions
         if d.effect in differences
     ]
-    notes = [
-        f"Each with less without the effect; red: brighter with it. {found.samples} samples a pixel.",
-        toned(stops),
-    ]
+    said = f"Each with less without the effect; red: brighter with it. {found.samples} samples a pixel."
     return compose([row], notes=[said, toned(stops)], scale=Scale(limit, "RMS radiances") if differences else None)
 
 
