@@ -12,6 +12,7 @@ from typing import Any
 
 from benchmarks.studies import STUDIES
 from data_gen import environments, geometry, materials, views
+from data_gen.boundary import is_closed
 from envbench.catalogue import Rasteriser, Spec
 from envbench.environment import Environment
 from envbench.errors import BadInput
@@ -54,6 +55,10 @@ class Catalogue:
         environment = _LIGHTS.get(names[0], _text(light))
         brdf = materials.build(material, names[1])
         shape, points, viewer = _queries((names[2], names[3]), _text((geometry, view)))
+        if brdf.transparency is not None and points.uv is None:
+            raise BadInput(
+                f"material '{names[1]}' has a map of transparency, and the mesh of '{names[2]}' has no uv; unwrap it first."
+            )
         if brdf.texture is not None:
             from data_gen import texture
 
@@ -87,16 +92,34 @@ def _effects(name: str, material: Material, shape: Geometry, chosen: Sequence[Ef
     """Return what ground truth simulates: all that the facts call for, or what was chosen, if that makes sense."""
     viewed = any(lobe.centre is not Centre.NORMAL for lobe in material.lobes)
     seen = {Effect.VIEW_DEPENDENCE} if viewed else set[Effect]()  # a material is never seen without it
+    if chosen is None and material.medium is not None:
+        effects = frozenset({*seen, Effect.SUBSURFACE}) | ({Effect.DEFORMATION} if shape.pose is not None else set())
+        return _closed(name, shape, effects)
     if chosen is None:
         shadowed = {Effect.SELF_SHADOWING} if not (shape.convex and shape.posed.convex) else set[Effect]()
         return frozenset(seen | shadowed | ({Effect.DEFORMATION} if shape.pose is not None else set()))
-    if Effect.SUBSURFACE in chosen:
-        raise BadInput(f"scene '{name}': no reference simulates {Effect.SUBSURFACE}; leave it out of its effects.")
+    if Effect.SUBSURFACE in chosen and material.medium is None:
+        raise BadInput(
+            f"scene '{name}': light scatters inside a translucent material, and '{material.name}' has no medium; "
+            f"leave {Effect.SUBSURFACE} out of its effects."
+        )
     if Effect.DEFORMATION in chosen and shape.pose is None:
         raise BadInput(f"scene '{name}': '{shape.name}' has no pose; leave {Effect.DEFORMATION} out of its effects.")
     if Effect.INTERREFLECTION in chosen and Effect.SELF_SHADOWING not in chosen:
         raise BadInput(f"scene '{name}': what sends light on hides it too; add {Effect.SELF_SHADOWING} to its effects.")
-    return frozenset({*chosen, *seen})
+    return _closed(name, shape, frozenset({*chosen, *seen}))
+
+
+def _closed(name: str, shape: Geometry, effects: frozenset[Effect]) -> frozenset[Effect]:
+    """Return the effects of a scene; light scatters inside closed meshes only."""
+    if Effect.SUBSURFACE in effects:
+        meshes = [shape.mesh, shape.posed.mesh if Effect.DEFORMATION in effects else None]
+        if shape.mesh is None or not all(is_closed(mesh) for mesh in meshes if mesh is not None):
+            raise BadInput(
+                f"scene '{name}': light scatters inside a closed mesh, and '{shape.name}' is none; close it, or give the "
+                f"scene effects without {Effect.SUBSURFACE}."
+            )
+    return effects
 
 
 def _text(spec: Any) -> str:

@@ -14,6 +14,8 @@ self-shadowing                          where the shape lets it through. Of a po
                                         local effects only, what a transfer simulated at rest and turned tells of
 self-shadowing, deformation             where the posed shape lets it through
 inter-reflection, beside these          also by way of the shape, at most so often as the settings say
+subsurface                              having scattered inside the shape, posed or, without deformation, at rest, as
+                                        above. Shadows and bounces are those of the paths: nothing is opaque
 ======================================  ==============================================================================
 """
 
@@ -28,6 +30,7 @@ from numpy.typing import NDArray
 
 from data_gen.lobes import Lambertian, Membrane
 from data_gen.mitsuba_estimator import Estimator, Surface
+from data_gen.mitsuba_volume import Scattering
 from envbench.reference import Reference, ReferenceSettings
 from envbench.scene import Effect, Scene
 
@@ -81,8 +84,7 @@ def render(scene: Scene, settings: ReferenceSettings, key: str = "") -> Referenc
     modulation = 1.0 if scene.points.modulation is None else scene.points.modulation
     first = _FIRST // 4 if settings.variant.startswith("scalar") else _FIRST
     samples = np.full(len(scene.points), first)
-    least = 0.8 if estimator.sample_lobes else 0.6  # the order that noise has under captured light, or more
-    goal, order, before, rays = _MARGIN * settings.floor, least, (0, 0.0), 0
+    goal, order, before, rays = _MARGIN * settings.floor, estimator.order, (0, 0.0), 0
     while True:
         step = time.perf_counter()
         seeds = np.random.SeedSequence((settings.seed, int(samples.sum()))).spawn(settings.replicates)
@@ -100,7 +102,7 @@ def render(scene: Scene, settings: ReferenceSettings, key: str = "") -> Referenc
             return result
         if before[0] == first:
             measured = math.log(before[1] / result.floor) / math.log(result.samples / before[0])
-            order = min(max(measured, least), 1.0)
+            order = min(max(measured, estimator.order), 1.0)
         elif before[0]:  # a plan that fell short is not made again, but with a lower goal
             goal *= settings.floor / result.floor
         affordable = 0.9 * (settings.budget - result.seconds) / (now - step)
@@ -117,9 +119,12 @@ def render(scene: Scene, settings: ReferenceSettings, key: str = "") -> Referenc
 
 def surface_for(scene: Scene, variant: str, bounces: int) -> Surface:
     """Return what reflects in a scene: its material, and what its effects let shadow it."""
+    carried = scene.geometry.pose is not None and Effect.DEFORMATION not in scene.effects
+    if Effect.SUBSURFACE in scene.effects:
+        shape = scene.geometry.rest if carried else scene.geometry.posed
+        return Surface(scene.material, shape.mesh, variant, carried=carried)
     if not scene.effects & {Effect.SELF_SHADOWING, Effect.INTERREFLECTION}:
         return Surface(scene.material, None, variant)
-    carried = scene.geometry.pose is not None and Effect.DEFORMATION not in scene.effects
     surface = Surface.of(scene.material, scene.geometry.rest if carried else scene.geometry.posed, variant)
     return replace(surface, carried=carried, bounces=bounces if Effect.INTERREFLECTION in scene.effects else 0)
 
@@ -130,7 +135,10 @@ def estimator_for(scene: Scene, variant: str, seed: int = 0, bounces: int = Refe
     Where the light's samples miss a peak they seem less noisy than they are; so their error is taken from the mean of
     the other estimate too, which finds all peaks. The choice rests on noise alone and is the same on every machine.
     """
-    both = Estimator(surface_for(scene, variant, bounces), scene.environment)
+    surface = surface_for(scene, variant, bounces)
+    if Effect.SUBSURFACE in scene.effects:
+        return Scattering(surface, scene.environment)
+    both = Estimator(surface, scene.environment)
     light = replace(both, sample_lobes=False)
     if all(isinstance(lobe, Lambertian | Membrane) for lobe in scene.material.lobes):
         return light

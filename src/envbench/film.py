@@ -56,7 +56,7 @@ def _shaded(spec: AnimationSpec, catalogue: Catalogue) -> tuple[list[TriangleMes
     lacks: tuple[str, ...] = ()
     for frame in spec.frames:
         scene = frame.build(catalogue)
-        declined = method.declines(scene)
+        declined = method.refusal(scene)
         if declined is not None:
             return f"declined: {' '.join(str(declined).split())}"
         if not meshes:

@@ -167,7 +167,7 @@ class Desk:
         method = cell.method
         lacks = tuple(sorted(effect.value for effect in method.lacks(scene)))
         blank = CellResult(cell.key, cell.scene.name, method.name, dict(cell.settings), Status.OK, lacks=lacks)
-        declined = method.declines(scene)
+        declined = method.refusal(scene)
         if declined is not None:
             return replace(blank, status=Status.DECLINED, reason=_line(declined))
         known = self.prepared.get(cell.identity)

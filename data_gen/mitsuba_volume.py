@@ -1,0 +1,158 @@
+"""Light that scatters inside a shape, by Mitsuba's volumetric path tracer `volpath`.
+
+What leaves a point of a translucent shape, averaged over directions by the cosine, is its diffuse exit radiance. Each
+estimate follows one path backwards: it starts just inside, against a direction drawn by the cosine about N, and
+`volpath` does the rest. The medium has the refractive index of what is outside, so that paths pass the surface straight
+on and may come in again: the shadows and bounces of the shape are in them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from data_gen.geometry import mitsuba_mesh
+from data_gen.mitsuba_estimator import Estimator
+from data_gen.mitsuba_light import emitter
+from envbench import llvm
+from envbench.errors import BadInput
+
+MOST_EVENTS = 20_000
+"""Of one path: only one that slips out through an edge, taking the medium with it, comes to so many."""
+
+
+@dataclass(frozen=True, eq=False)
+class Scattering(Estimator):
+    """Radiance that leaves a translucent shape: the lobes' reflectance times what comes out of its medium.
+
+    Carried (`Surface.carried`): paths are followed in the shape at rest, under the light turned back for each point.
+    """
+
+    sample_lobes: bool = False
+    sampler: str = "independent"  # a path takes as many numbers as it likes
+
+    @property
+    def order(self) -> float:
+        return 0.5
+
+    @property
+    def rays(self) -> int:
+        """Paths followed for each sample, whatever rays they take."""
+        return len(self.environment.parts)
+
+    @cached_property
+    def shape(self) -> Any:
+        """Give the closed mesh, filled, as a `mi.Mesh`."""
+        mesh, medium = self.surface.occluder, self.surface.material.medium
+        if mesh is None or medium is None:
+            raise BadInput(f"light scatters in a medium that fills a mesh; '{self.surface.material.name}' lacks it.")
+        mi = llvm.mitsuba(self.surface.variant)
+        properties = mi.Properties()
+        properties["bsdf"] = mi.load_dict({"type": "null"})
+        properties["interior"] = mi.load_dict({
+            "type": "homogeneous",
+            "albedo": medium.albedo,
+            "sigma_t": 1 / medium.mean_free_path,
+            "phase": {"type": "isotropic"},
+        })
+        return mitsuba_mesh(mi, mesh, properties)
+
+    @cached_property
+    def integrator(self) -> Any:
+        """Give the path tracer. It ends no path by chance: in a white medium that would only add noise."""
+        mi = llvm.mitsuba(self.surface.variant)
+        return mi.load_dict({"type": "volpath", "max_depth": MOST_EVENTS, "rr_depth": MOST_EVENTS})
+
+    @cached_property
+    def _lights(self) -> tuple[Any, ...]:
+        """The parts of the light, each turned for each path where shadows are carried."""
+        mi = llvm.mitsuba(self.surface.variant)
+        lights = (mi.load_dict(emitter(part)) for _, part in self.environment.parts)
+        return tuple(_turning(mi, light) if self.surface.carried else light for light in lights)
+
+    @cached_property
+    def _scenes(self) -> tuple[tuple[float, Any], ...]:
+        mi = llvm.mitsuba(self.surface.variant)
+        return tuple(
+            (sign, mi.load_dict({"type": "scene", "light": light, "shape": self.shape}))
+            for (sign, _), light in zip(self.environment.parts, self._lights, strict=True)
+        )
+
+    def _radiance(self, mi: Any, si: Any, place: Any, sampler: Any) -> Any:
+        import drjit as dr
+
+        time = mi.Float(0)
+        if place.rotation is not None:
+            dr.eval(*place.rotation)
+            for light in self._lights:
+                light.rotation = place.rotation
+            if not self.surface.variant.startswith("scalar"):
+                time = mi.Float(dr.arange(mi.UInt32, dr.width(place.rotation[0])))
+        total = mi.Color3f(0)
+        for sign, scene in self._scenes:
+            outwards = mi.Frame3f(place.normal).to_world(mi.warp.square_to_cosine_hemisphere(sampler.next_2d()))
+            start = mi.Point3f(place.position - place.lift * place.geometric)
+            ray = mi.RayDifferential3f(start, -outwards, time)
+            total += sign * self.integrator.sample(scene, sampler, ray, self.shape.interior_medium())[0]
+        reflectance = np.sum([lobe.reflectance for lobe in self.surface.material.lobes], axis=0)
+        return total * mi.Color3f(*(float(r) for r in reflectance))
+
+
+def _turning(mi: Any, light: Any) -> Any:
+    """Return an environment that is turned another way for every path: from s comes what `light` has at R s.
+
+    Its `rotation` holds the rows of R, that of path k at place k; k is the time that the rays of a path carry along.
+    """
+    import drjit as dr
+
+    class Turning(mi.Emitter):
+        rotation: Any = None
+
+        def __init__(self) -> None:
+            super().__init__(mi.Properties())
+            self.m_flags = mi.EmitterFlags.Infinite | mi.EmitterFlags.SpatiallyVarying
+
+        def set_scene(self, scene: Any) -> None:
+            light.set_scene(scene)
+
+        def bbox(self) -> Any:
+            return light.bbox()
+
+        def eval(self, si: Any, active: Any = True) -> Any:
+            seen = dr.zeros(mi.SurfaceInteraction3f)
+            seen.wi = self._turned(si, si.wi)
+            return light.eval(seen, active)
+
+        def sample_direction(self, it: Any, sample: Any, active: Any = True) -> Any:
+            ds, weight = light.sample_direction(it, sample, active)
+            x, y, z = self._rows(it)
+            ds.d = x * ds.d.x + y * ds.d.y + z * ds.d.z
+            ds.p, ds.n = it.p + ds.d * ds.dist, mi.Normal3f(-ds.d)
+            return ds, weight
+
+        def pdf_direction(self, it: Any, ds: Any, active: Any = True) -> Any:
+            return light.pdf_direction(it, self._there(it, ds), active)
+
+        def eval_direction(self, it: Any, ds: Any, active: Any = True) -> Any:
+            return light.eval_direction(it, self._there(it, ds), active)
+
+        def to_string(self) -> str:
+            return "Turning"
+
+        def _there(self, it: Any, ds: Any) -> Any:
+            out = mi.DirectionSample3f(ds)
+            out.d = self._turned(it, ds.d)
+            return out
+
+        def _turned(self, it: Any, v: Any) -> Any:
+            return mi.Vector3f(*(dr.dot(row, v) for row in self._rows(it)))
+
+        def _rows(self, it: Any) -> Any:
+            if not dr.is_array_v(it.time):
+                return self.rotation
+            return [dr.gather(mi.Vector3f, row, mi.UInt32(it.time)) for row in self.rotation]
+
+    return Turning()
