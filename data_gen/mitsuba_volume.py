@@ -4,6 +4,9 @@ What leaves a point of a translucent shape, averaged over directions by the cosi
 estimate follows one path backwards: it starts just inside, against a direction drawn by the cosine about N, and
 `volpath` does the rest. The medium has the refractive index of what is outside, so that paths pass the surface straight
 on and may come in again: the shadows and bounces of the shape are in them.
+
+Light that comes straight through, `volpath` would find by chance alone, as what is at the start is no event at which it
+samples the light. So it leaves that out (`hide_emitters`), and the light is sampled here, dimmed by the way inside.
 """
 
 from __future__ import annotations
@@ -64,7 +67,8 @@ class Scattering(Estimator):
     def integrator(self) -> Any:
         """Give the path tracer. It ends no path by chance: in a white medium that would only add noise."""
         mi = llvm.mitsuba(self.surface.variant)
-        return mi.load_dict({"type": "volpath", "max_depth": MOST_EVENTS, "rr_depth": MOST_EVENTS})
+        settings = {"max_depth": MOST_EVENTS, "rr_depth": MOST_EVENTS, "hide_emitters": True}
+        return mi.load_dict({"type": "volpath", **settings})
 
     @cached_property
     def _lights(self) -> tuple[Any, ...]:
@@ -91,14 +95,60 @@ class Scattering(Estimator):
                 light.rotation = place.rotation
             if not self.surface.variant.startswith("scalar"):
                 time = mi.Float(dr.arange(mi.UInt32, dr.width(place.rotation[0])))
+        start = mi.Point3f(place.position - place.lift * place.geometric)
         total = mi.Color3f(0)
         for sign, scene in self._scenes:
             outwards = mi.Frame3f(place.normal).to_world(mi.warp.square_to_cosine_hemisphere(sampler.next_2d()))
-            start = mi.Point3f(place.position - place.lift * place.geometric)
             ray = mi.RayDifferential3f(start, -outwards, time)
-            total += sign * self.integrator.sample(scene, sampler, ray, self.shape.interior_medium())[0]
+            scattered = self.integrator.sample(scene, sampler, ray, self.shape.interior_medium())[0]
+            total += sign * (scattered + self._straight(mi, scene, mi.Ray3f(ray), -place.normal, sampler))
         reflectance = np.sum([lobe.reflectance for lobe in self.surface.material.lobes], axis=0)
         return total * mi.Color3f(*(float(r) for r in reflectance))
+
+    def _straight(self, mi: Any, scene: Any, ray: Any, inwards: Any, sampler: Any) -> Any:
+        """Return an estimate of the light that comes to where the ray starts without an event.
+
+        From one direction of the light, and that of the ray, drawn by the cosine about `inwards`: weighed by the
+        balance heuristic.
+        """
+        import drjit as dr
+
+        emission = scene.environment()
+        it = dr.zeros(mi.SurfaceInteraction3f)
+        it.p, it.time, it.wi = ray.o, ray.time, -ray.d
+        ds, light = emission.sample_direction(it, sampler.next_2d())
+        cosine = dr.maximum(dr.dot(inwards, ds.d), 0) / np.pi
+        share = dr.select(ds.pdf > 0, cosine / (ds.pdf + cosine), 0)  # light is divided by its density already
+        total = light * ds.pdf * share * self._left(mi, scene, mi.Ray3f(ray.o, ds.d, ray.time), share > 0)
+        ds = mi.DirectionSample3f()
+        ds.d = ray.d
+        cosine = dr.maximum(dr.dot(inwards, ray.d), 0) / np.pi
+        share = cosine / dr.maximum(cosine + emission.pdf_direction(it, ds), 1e-30)
+        return total + emission.eval(it) * share * self._left(mi, scene, ray, share > 0)
+
+    def _left(self, mi: Any, scene: Any, ray: Any, active: Any) -> Any:
+        """Return how much of the light along a ray comes through the shape, in which it starts."""
+        import drjit as dr
+
+        assert self.surface.material.medium is not None
+        return dr.exp(-self._way_inside(mi, scene, ray, active) / self.surface.material.medium.mean_free_path)
+
+    def _way_inside(self, mi: Any, scene: Any, ray: Any, active: Any) -> Any:
+        """Return the length of a ray that lies within the shape, in which it starts."""
+        import drjit as dr
+
+        def body(ray: Any, way: Any, active: Any) -> Any:
+            si = scene.ray_intersect(ray, active)
+            active = active & si.is_valid()
+            way = way + dr.select(active & (dr.dot(si.n, ray.d) > 0), si.t, 0)
+            return dr.select(active, si.spawn_ray(ray.d), ray), way, active
+
+        return dr.while_loop(
+            state=(ray, mi.Float(0), mi.Bool(active)),
+            cond=lambda _ray, _way, active: active,
+            body=body,
+            labels=("ray", "way", "active"),
+        )[1]
 
 
 def _turning(mi: Any, light: Any) -> Any:
