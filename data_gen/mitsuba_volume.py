@@ -23,8 +23,8 @@ from data_gen.mitsuba_light import emitter
 from envbench import llvm
 from envbench.errors import BadInput
 
-MOST_EVENTS = 20_000
-"""Of one path: only one that slips out through an edge, taking the medium with it, comes to so many."""
+MOST_EVENTS, ALL_FOLLOWED = 20_000, 256
+"""Of one path, and how many before Russian roulette begins: earlier, in a white medium, it would only add noise."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,9 +65,9 @@ class Scattering(Estimator):
 
     @cached_property
     def integrator(self) -> Any:
-        """Give the path tracer. It ends no path by chance: in a white medium that would only add noise."""
+        """Give the path tracer."""
         mi = llvm.mitsuba(self.surface.variant)
-        settings = {"max_depth": MOST_EVENTS, "rr_depth": MOST_EVENTS, "hide_emitters": True}
+        settings = {"max_depth": MOST_EVENTS, "rr_depth": ALL_FOLLOWED, "hide_emitters": True}
         return mi.load_dict({"type": "volpath", **settings})
 
     @cached_property
@@ -99,9 +99,16 @@ class Scattering(Estimator):
         total = mi.Color3f(0)
         for sign, scene in self._scenes:
             outwards = mi.Frame3f(place.normal).to_world(mi.warp.square_to_cosine_hemisphere(sampler.next_2d()))
-            ray = mi.RayDifferential3f(start, -outwards, time)
-            scattered = self.integrator.sample(scene, sampler, ray, self.shape.interior_medium())[0]
-            total += sign * (scattered + self._straight(mi, scene, mi.Ray3f(ray), -place.normal, sampler))
+            ray = mi.Ray3f(start, -outwards, time)
+            met = scene.ray_intersect(ray)
+            outside = met.is_valid() & (dr.dot(met.n, ray.d) < 0)  # as beside a sharp edge: taken to where it enters
+            entered = mi.RayDifferential3f(dr.select(outside, met.spawn_ray(ray.d).o, ray.o), ray.d, time)
+            scattered, _, _ = self.integrator.sample(
+                scene, sampler, entered, self.shape.interior_medium(), met.is_valid()
+            )
+            straight = self._straight(mi, scene, ray, -place.normal, sampler)
+            total += sign * (dr.select(met.is_valid(), scattered, 0) + straight)
+            dr.eval(total)  # the parts share one kernel
         reflectance = np.sum([lobe.reflectance for lobe in self.surface.material.lobes], axis=0)
         return total * mi.Color3f(*(float(r) for r in reflectance))
 
