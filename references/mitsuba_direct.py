@@ -31,6 +31,7 @@ from numpy.typing import NDArray
 from data_gen.lobes import Lambertian, Membrane
 from data_gen.mitsuba_estimator import Estimator, Surface
 from data_gen.mitsuba_volume import Scattering
+from envbench.directions import Array
 from envbench.reference import Reference, ReferenceSettings
 from envbench.scene import Effect, Scene
 
@@ -86,9 +87,13 @@ def render(scene: Scene, settings: ReferenceSettings, key: str = "") -> Referenc
     samples = np.full(len(scene.points), first)
     goal, order, before, rays = _MARGIN * settings.floor, estimator.order, (0, 0.0), 0
     while True:
-        step = time.perf_counter()
         seeds = np.random.SeedSequence((settings.seed, int(samples.sum()))).spawn(settings.replicates)
-        replicates = np.stack([estimator.replicate(scene.points, samples, seed) for seed in seeds]) * modulation
+        estimates: list[Array] = []
+        step = 0.0
+        for seed in seeds:
+            estimates.append(estimator.replicate(scene.points, samples, seed) * modulation)
+            step = step or time.perf_counter()  # a first replicate may have had to compile: what comes has not
+        replicates = np.stack(estimates)
         rays += estimator.rays * int(samples.sum()) * settings.replicates
         now = time.perf_counter()
         result = replace(
@@ -105,7 +110,8 @@ def render(scene: Scene, settings: ReferenceSettings, key: str = "") -> Referenc
             order = min(max(measured, estimator.order), 1.0)
         elif before[0]:  # a plan that fell short is not made again, but with a lower goal
             goal *= settings.floor / result.floor
-        affordable = 0.9 * (settings.budget - result.seconds) / (now - step)
+        cost = (now - step) * settings.replicates / (settings.replicates - 1)
+        affordable = 0.9 * (settings.budget - result.seconds) / cost
         planned, floor = _plan(result, samples, order, goal, min(affordable, _GROWTH))
         if not before[0] and planned.mean() > 2 * _SECOND * first and affordable > 2 * _SECOND:
             planned = _SECOND * samples  # a second look, at the same samples everywhere, shows the order
