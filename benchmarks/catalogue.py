@@ -57,7 +57,7 @@ class Catalogue:
         shape, points, viewer = _queries((names[2], names[3]), _text((geometry, view)))
         if brdf.transparency is not None and points.uv is None:
             raise BadInput(
-                f"material '{names[1]}' has a map of transparency, and the mesh of '{names[2]}' has no uv; unwrap it first."
+                f"material '{names[1]}' has a map of transparency, and the mesh of '{names[2]}' no uv; unwrap it first."
             )
         if brdf.texture is not None:
             from data_gen import texture
@@ -116,8 +116,8 @@ def _closed(name: str, shape: Geometry, effects: frozenset[Effect]) -> frozenset
         meshes = [shape.mesh, shape.posed.mesh if Effect.DEFORMATION in effects else None]
         if shape.mesh is None or not all(is_closed(mesh) for mesh in meshes if mesh is not None):
             raise BadInput(
-                f"scene '{name}': light scatters inside a closed mesh, and '{shape.name}' is none; close it, or give the "
-                f"scene effects without {Effect.SUBSURFACE}."
+                f"scene '{name}': light scatters inside a closed mesh, and '{shape.name}' is none; close it, or give "
+                f"the scene effects without {Effect.SUBSURFACE}."
             )
     return effects
 

@@ -60,7 +60,7 @@ class Scattering(Estimator):
             "albedo": medium.albedo,
             "sigma_t": 1 / medium.mean_free_path,
             "phase": {"type": "isotropic"},
-        })
+        })  # fmt: skip
         return mitsuba_mesh(mi, mesh, properties)
 
     @cached_property

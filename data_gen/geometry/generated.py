@@ -118,7 +118,12 @@ def slab(top: TriangleMesh, resolution: tuple[int, int], bottom: float) -> Trian
         (below, top.triangles[:, ::-1], np.tile([0.0, 0, -1], (count, 1)), top.uv),
     ]
     # counter-clockwise about the slab, seen from above: what is on the left is outside once z is up
-    edges = [(index[0], (0, -1, 0)), (index[:, -1], (1, 0, 0)), (index[-1, ::-1], (0, 1, 0)), (index[::-1, 0], (-1, 0, 0))]
+    edges = [
+        (index[0], (0, -1, 0)),
+        (index[:, -1], (1, 0, 0)),
+        (index[-1, ::-1], (0, 1, 0)),
+        (index[::-1, 0], (-1, 0, 0)),
+    ]
     for edge, normal in edges:
         n = len(edge)
         k = np.arange(n - 1)

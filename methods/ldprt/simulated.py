@@ -13,7 +13,7 @@ from methods.ldprt.transfer import Kind, Transfer, simulate
 
 @dataclass(frozen=True)
 class Request:
-    """What is asked of a shape: see `methods.ldprt.transfer.simulate`, and with a `medium` `methods.ldprt.subsurface`."""
+    """What is asked of a shape: see `methods.ldprt.transfer.simulate`; with a `medium`, `methods.ldprt.subsurface`."""
 
     order: int
     kind: Kind

@@ -88,7 +88,7 @@ def test_a_white_medium_in_constant_light_sends_out_the_reflectance(
 
 @pytest.mark.parametrize("posed", [False, True])
 def test_agrees_with_transfer_by_walks(mi: ModuleType, dumbbell: TriangleMesh, posed: bool) -> None:
-    """Within both noises, under signed light of the transfer's own bands; posed: rotated transfer, light turned back."""
+    """Within both noises, under signed light of the transfer's own bands; posed: turned transfer, and light."""
     pose = turned(dumbbell) if posed else None
     made = Scene(
         "test", signed_light(), WAX, Geometry("balls", dumbbell, False, pose=pose), points_on(dumbbell, pose),
