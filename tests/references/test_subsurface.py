@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from types import ModuleType
+from typing import Any
 
 import numpy as np
 import pytest
@@ -35,7 +36,7 @@ def dumbbell() -> TriangleMesh:
     """Two balls beside each other: what leaves one may enter the other."""
     balls = [trimesh.creation.icosphere(1, radius=r) for r in (1.0, 0.7)]
     balls[1].apply_translation([2.0, 0.3, 0])
-    mesh = trimesh.util.concatenate(balls)
+    mesh: Any = trimesh.util.concatenate(balls)
     return TriangleMesh(np.array(mesh.vertices), np.array(mesh.faces, np.int32), np.array(mesh.vertex_normals))
 
 
