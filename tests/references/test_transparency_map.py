@@ -67,7 +67,8 @@ def test_constant_light_returns_one_plus_alpha(mi: ModuleType, constant: Environ
     found = np.stack([estimator.replicate(points, 1024, s) for s in np.random.SeedSequence(3).spawn(K)])
     assert found.mean(0) == pytest.approx(expected, rel=5e-3)
     assert np.ptp(expected[:, 0]) > 0.3
-    assert integrate(scene(constant, points)) == pytest.approx(expected, rel=1e-3)
+    # the lobe has a kink at the horizon, where no cell of the quadrature ends
+    assert integrate(scene(constant, points)) == pytest.approx(expected, rel=3e-3)
 
 
 def test_reference_quadrature_and_closed_form_agree(mi: ModuleType) -> None:
