@@ -196,7 +196,9 @@ def _membrane(table: Mapping[str, Any], name: str) -> Material:
     except BadInput as error:
         raise type(error)(f"transparency of material '{name}': {error}") from None
     mean = float(np.clip(map_.values.mean(dtype=float), 0, 1))
-    return replace(_analytic("membrane", {**table, "transparency": mean}, name), transparency=map_)
+    note = f"its transparency is a map, {map_.values.min():.3g} to {map_.values.max():.3g}, of mean {mean:.3g}."
+    made = _analytic("membrane", {**table, "transparency": mean}, name)
+    return replace(made, transparency=map_, notes=(note,))
 
 
 def _translucent(table: Mapping[str, Any], name: str) -> Material:
@@ -214,7 +216,8 @@ def _translucent(table: Mapping[str, Any], name: str) -> Material:
     except BadInput as error:
         raise BadInput(f"material '{name}': {error}") from None
     rest = {key: value for key, value in table.items() if key not in own}
-    return replace(_analytic("lambertian", rest, name), medium=medium)
+    note = f"within is a medium of mean free path {medium.mean_free_path:g} and albedo {medium.albedo:g}."
+    return replace(_analytic("lambertian", rest, name), medium=medium, notes=(note,))
 
 
 def _checked(key: str, value: Any, default: Any, material: str) -> Any:

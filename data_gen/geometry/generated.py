@@ -113,7 +113,7 @@ def slab(top: TriangleMesh, resolution: tuple[int, int], bottom: float) -> Trian
     count = len(top.vertices)
     index = np.arange(count).reshape(rows, columns)
     below = top.vertices * [1, 1, 0] + [0, 0, bottom]
-    parts = [
+    parts: list[tuple[Array, NDArray[Any], Array, Array]] = [
         (top.vertices, top.triangles, top.normals, top.uv),
         (below, top.triangles[:, ::-1], np.tile([0.0, 0, -1], (count, 1)), top.uv),
     ]

@@ -63,6 +63,7 @@ def test_a_translucent_material_is_lambertian_with_a_medium() -> None:
     wax = build({"kind": "translucent", "mean_free_path": 0.2, "albedo": 0.9, "reflectance": [0.5, 0.4, 0.3]})
     assert wax.lobes == (Lambertian(reflectance=(0.5, 0.4, 0.3)),)
     assert wax.medium == Medium(0.2, 0.9)
+    assert wax.notes == ("within is a medium of mean free path 0.2 and albedo 0.9.",)
     thick, plain = replace(wax, medium=Medium(0.1, 0.9)), replace(wax, medium=None)
     assert len({wax.key, thick.key, plain.key}) == 3
 
