@@ -58,7 +58,9 @@ def _read(file: Path) -> tuple[Decision, ...] | None:
 
 
 def _decision(row: Mapping[str, Any]) -> Decision:
-    values: dict[str, Any] = {k: math.nan if v is None and k != "bounces" else v for k, v in row.items()}
+    values: dict[str, Any] = {
+        k: math.nan if v is None and k not in ("bounces", "tolerance") else v for k, v in row.items()
+    }
     values["effect"], values["basis"] = Effect(row["effect"]), Basis(row["basis"])
     return Decision(**values)
 
