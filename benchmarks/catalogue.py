@@ -23,7 +23,7 @@ from envbench.reference import Agreement, Reference, ReferenceSettings
 from envbench.scene import Effect, Plan, Scene, told
 from methods import METHODS
 from references import reference
-from references.effects.facts import occasions
+from references.effects.facts import fillable, occasions, opaque
 from references.effects.kept import decided
 
 
@@ -56,15 +56,17 @@ class Catalogue:
         environment = _LIGHTS.get(names[0], _text(light))
         brdf = materials.build(material, names[1])
         shape, points, viewer = _queries((names[2], names[3]), _text((geometry, view)))
+        if brdf.transparency is not None and points.uv is None:
+            raise BadInput(
+                f"material '{names[1]}' has a map of transparency, and the mesh of '{names[2]}' no uv; unwrap it first."
+            )
         if brdf.texture is not None:
             from data_gen import texture
 
             points = replace(points, modulation=texture.modulation(brdf.texture, points))
         scene = Scene(name, environment, brdf, shape, points, viewer)
         listed = None if effects is None else chosen(effects)
-        if listed is None or isinstance(listed, Plan):
-            return replace(scene, effects=occasions(scene))
-        return replace(scene, effects=_sensible(name, scene, listed))
+        return replace(scene, effects=_sensible(name, scene, None if isinstance(listed, Plan) else listed))
 
     def effects(
         self, scene: Scene, settings: EffectSettings, reference: ReferenceSettings, cache: Path | None
@@ -105,18 +107,33 @@ class Catalogue:
         return agreement.table(scenes)
 
 
-def _sensible(name: str, scene: Scene, listed: Sequence[Effect]) -> frozenset[Effect]:
-    """Return the effects of a list that a scene has occasion for, if all of it makes sense there."""
+def _sensible(name: str, scene: Scene, listed: Sequence[Effect] | None) -> frozenset[Effect]:
+    """Return the effects that a scene has occasion for, or those of a list, if all of it makes sense there."""
     shape = scene.geometry
-    if Effect.SUBSURFACE in listed and Effect.SUBSURFACE not in occasions(scene):
+    if scene.material.medium is not None and (listed is None or Effect.SUBSURFACE in listed):
+        _closed(name, shape)
+    if listed is None:
+        return occasions(scene)
+    if Effect.SUBSURFACE in listed and scene.material.medium is None:
         raise BadInput(
-            f"scene '{name}': '{scene.material.name}' has no medium; leave {Effect.SUBSURFACE} out of its effects."
+            f"scene '{name}': light scatters inside a translucent material, and '{scene.material.name}' has no medium; "
+            f"leave {Effect.SUBSURFACE} out of its effects."
         )
     if Effect.DEFORMATION in listed and shape.pose is None:
         raise BadInput(f"scene '{name}': '{shape.name}' has no pose; leave {Effect.DEFORMATION} out of its effects.")
     if Effect.INTERREFLECTION in listed and Effect.SELF_SHADOWING not in listed:
         raise BadInput(f"scene '{name}': what sends light on hides it too; add {Effect.SELF_SHADOWING} to its effects.")
-    return frozenset(listed) & occasions(scene)
+    heeded = scene if Effect.SUBSURFACE in listed else opaque(scene)
+    return frozenset(listed) & occasions(heeded)
+
+
+def _closed(name: str, shape: Geometry) -> None:
+    """Raise `BadInput` unless light can scatter inside a shape: a closed mesh, at rest and posed."""
+    if not fillable(shape):
+        raise BadInput(
+            f"scene '{name}': light scatters inside a closed mesh, and '{shape.name}' is none; close it, or give "
+            f"the scene effects without {Effect.SUBSURFACE}."
+        )
 
 
 def _text(spec: Any) -> str:

@@ -9,6 +9,8 @@ from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any, cast
 
+import numpy as np
+
 from data_gen import brdf_checks, measured, texture
 from data_gen.lobes import (
     GGX,
@@ -22,7 +24,7 @@ from data_gen.lobes import (
     Phong,
 )
 from envbench.errors import BadInput, unknown
-from envbench.material import Centre, Lobe, Material
+from envbench.material import Centre, Lobe, Material, Medium
 
 LOBES: dict[str, type[Lobe]] = {
     "lambertian": Lambertian,
@@ -69,6 +71,12 @@ MATERIALS: dict[str, dict[str, Any]] = {
         ]
     },
     "membrane": {"kind": "membrane", "transparency": 0.5, "reflectance": [0.6, 0.6, 0.6]},
+    "membrane-map": {
+        "kind": "membrane",
+        "transparency": {"kind": "checker", "squares": 8, "colours": [[0.1, 0.1, 0.1], [0.9, 0.9, 0.9]]},
+        "reflectance": [0.6, 0.6, 0.6],
+    },
+    "translucent": {"kind": "translucent", "mean_free_path": 0.1, "albedo": 0.95, "reflectance": [0.8, 0.7, 0.5]},
     "cook-torrance": {"kind": "cook-torrance", "roughness": 0.2, "f0": [0.9, 0.6, 0.4]},
     "ggx": {"kind": "ggx", "roughness": 0.3, "f0": [0.9, 0.6, 0.4]},
     "ggx-rough": {"kind": "ggx", "roughness": 0.7, "f0": [0.9, 0.6, 0.4]},
@@ -88,6 +96,9 @@ def build(spec: Mapping[str, Any], name: str = "material") -> Material:
     ``kind`` is a name in `LOBES`, whose table holds the lobe's parameters and optionally ``reflectance`` (3 numbers)
     and ``clipped``, or a measured kind (`data_gen.measured.KINDS`). Beside them, ``texture`` (`data_gen.texture.build`)
     modulates the whole. The material's notes say where it gains energy or is not reciprocal.
+
+    ``translucent`` is Lambertian with a medium within, its fields beside ``reflectance``. The ``transparency`` of a
+    membrane is a number, or a map: what ``texture`` may be.
 
     Raises
     ------
@@ -121,6 +132,8 @@ def _sum(table: Mapping[str, Any], name: str) -> Material:
     if not isinstance(tables, list | tuple) or not all(isinstance(part, Mapping) for part in tables):
         raise BadInput(f"material '{name}': 'lobes' must be a list of tables. Got {tables!r} instead.")
     parts = [_one(part, name) for part in cast("Sequence[Mapping[str, Any]]", tables)]
+    if any(part.medium or part.transparency for part in parts):
+        raise BadInput(f"material '{name}': a medium, or a map of transparency, stands by itself; leave out 'lobes'.")
     return Material(name, tuple(lobe for part in parts for lobe in part.lobes), None, tuple(_notes(parts)))
 
 
@@ -130,7 +143,7 @@ def _notes(parts: Sequence[Material]) -> dict[str, None]:
 
 def _one(table: Mapping[str, Any], name: str) -> Material:
     builders: dict[str, Builder] = {kind: partial(_analytic, kind) for kind in LOBES}
-    builders |= {"lafortune": _lafortune, **measured.KINDS}
+    builders |= {"lafortune": _lafortune, "membrane": _membrane, "translucent": _translucent, **measured.KINDS}
     kind = str(table.get("kind"))
     if kind not in builders:
         raise unknown(f"lobe kind of material '{name}':", kind, builders)
@@ -171,6 +184,40 @@ def _lafortune(table: Mapping[str, Any], name: str) -> Material:
         return material
     r, g, b = (d * s for d, s in zip(lobe.diffuse, lobe.reflectance, strict=True))
     return replace(material, lobes=(Lambertian(reflectance=(r, g, b)), replace(lobe, diffuse=(0.0, 0.0, 0.0))))
+
+
+def _membrane(table: Mapping[str, Any], name: str) -> Material:
+    """A membrane whose ``transparency`` may be a map."""
+    alpha = table.get("transparency")
+    if not isinstance(alpha, str | Mapping):
+        return _analytic("membrane", table, name)
+    try:
+        map_ = texture.build(cast("str | Mapping[str, Any]", alpha), name)
+    except BadInput as error:
+        raise type(error)(f"transparency of material '{name}': {error}") from None
+    mean = float(np.clip(map_.values.mean(dtype=float), 0, 1))
+    note = f"its transparency is a map, {map_.values.min():.3g} to {map_.values.max():.3g}, of mean {mean:.3g}."
+    made = _analytic("membrane", {**table, "transparency": mean}, name)
+    return replace(made, transparency=map_, notes=(note,))
+
+
+def _translucent(table: Mapping[str, Any], name: str) -> Material:
+    """A Lambertian lobe, and the medium within."""
+    own = {"mean_free_path", "albedo"}
+    known = {*own, "reflectance", "kind"}
+    for key in table:
+        if key not in known:
+            raise unknown(f"setting of the translucent material '{name}':", key, known - {"kind"})
+    if "mean_free_path" not in table:
+        raise BadInput(f"material '{name}' (translucent) needs 'mean_free_path', a length in the mesh's unit.")
+    settings = {key: _checked(key, value, 1.0, name) for key, value in table.items() if key in own}
+    try:
+        medium = Medium(**settings)
+    except BadInput as error:
+        raise BadInput(f"material '{name}': {error}") from None
+    rest = {key: value for key, value in table.items() if key not in own}
+    note = f"within is a medium of mean free path {medium.mean_free_path:g} and albedo {medium.albedo:g}."
+    return replace(_analytic("lambertian", rest, name), medium=medium, notes=(note,))
 
 
 def _checked(key: str, value: Any, default: Any, material: str) -> Any:

@@ -6,12 +6,14 @@ our rho_hat does. Whole lobes reach below the horizon, so no side is culled.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
+from data_gen.lobes import Membrane
 from data_gen.lobes.draws import albedo
-from envbench.material import Centre, Lobe, Material
+from envbench.material import Centre, Lobe, Material, Texture
 
 _NORMAL = (0.0, 0.0, 1.0)
 _TANGENT = (1.0, 0.0, 0.0)
@@ -20,13 +22,22 @@ _TANGENT = (1.0, 0.0, 0.0)
 def bsdf(material: Material) -> Any:
     """Return the `mi.BSDF` of `material`, for the variant that is set (another variant needs another call).
 
+    A map of transparency is looked up at the interaction's uv.
+
     A lobe is chosen in proportion to what it reflects of constant light. Its draws are rejected (weight zero) where
     the lobe is clipped, and its density is zero there, so the density may integrate to less than 1.
     """
     import mitsuba as mi
 
-    lobes = material.lobes
-    chances = _chances(lobes)
+    chances = _chances(material.lobes)
+    map_ = None if material.transparency is None else texture(mi, material.transparency)
+
+    def lobes_at(uv: Any) -> tuple[Lobe, ...]:
+        if map_ is None:
+            return material.lobes
+        r, g, b = map_.eval(uv)
+        alpha = (r + g + b) / 3
+        return tuple(replace(o, transparency=alpha) if isinstance(o, Membrane) else o for o in material.lobes)
 
     class Lobes(mi.BSDF):  # Mitsuba's types belong to a variant: so does this class
         def __init__(self) -> None:
@@ -35,7 +46,7 @@ def bsdf(material: Material) -> Any:
             self.m_components = [self.m_flags]
 
         def sample(self, ctx: Any, si: Any, sample1: Any, sample2: Any, active: Any = True) -> Any:
-            wo, valid = _draw(mi, lobes, chances, si.wi, sample1, sample2)
+            wo, valid = _draw(mi, lobes_at(si.uv), chances, si.wi, sample1, sample2)
             value, pdf = self.eval_pdf(ctx, si, wo)
             valid = valid & active & (pdf > 0)
             sample: Any = mi.BSDFSample3f(wo)
@@ -53,7 +64,7 @@ def bsdf(material: Material) -> Any:
 
         def eval_pdf(self, ctx: Any, si: Any, wo: Any, active: Any = True) -> Any:
             value, pdf = mi.Color3f(0), mi.Float(0)
-            for lobe, chance in zip(lobes, chances, strict=True):
+            for lobe, chance in zip(lobes_at(si.uv), chances, strict=True):
                 frame = (si.wi, _centre(lobe, si.wi), _NORMAL)
                 value += mi.Color3f(*(mi.Float(v) for v in lobe.evaluate(wo, *frame)))
                 density = mi.Float(chance * lobe.density(wo, *frame))
@@ -64,6 +75,13 @@ def bsdf(material: Material) -> Any:
             return f"Lobes[{material.name}]"
 
     return Lobes()
+
+
+def texture(mi: Any, map_: Texture) -> Any:
+    """Return a texture as a `mi.Texture2f`, which is bilinear and repeats."""
+    import drjit as dr
+
+    return mi.Texture2f(mi.TensorXf(map_.values), wrap_mode=dr.WrapMode.Repeat)
 
 
 def _chances(lobes: tuple[Lobe, ...]) -> tuple[float, ...]:

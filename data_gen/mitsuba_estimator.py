@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 
 from data_gen.boundary import is_closed
 from data_gen.geometry import mitsuba_mesh
-from data_gen.mitsuba_bsdf import bsdf
+from data_gen.mitsuba_bsdf import bsdf, texture
 from data_gen.mitsuba_light import emitter
 from envbench import llvm
 from envbench.directions import Array, normalised
@@ -104,10 +104,7 @@ class Surface:
         """Give the material's texture as a `mi.Texture2f`; None where there is none."""
         if self.material.texture is None:
             return None
-        mi = llvm.mitsuba(self.variant)
-        import drjit as dr
-
-        return mi.Texture2f(mi.TensorXf(self.material.texture.values), wrap_mode=dr.WrapMode.Repeat)
+        return texture(llvm.mitsuba(self.variant), self.material.texture)
 
     @cached_property
     def lift(self) -> float:
@@ -165,6 +162,11 @@ class Estimator:
         return {field.name: getattr(self, field.name) for field in fields(self)}
 
     @property
+    def order(self) -> float:
+        """The order that noise has in the samples under captured light, or more."""
+        return 0.8 if self.sample_lobes else 0.6
+
+    @property
     def rays(self) -> int:
         """Visibility rays cast for each sample: one for each direction drawn, or none where nothing can shadow."""
         if self.surface.occluder is None:
@@ -178,7 +180,8 @@ class Estimator:
         Raises
         ------
         BadInput
-            Shadows are carried along to points that do not say where on the mesh they are.
+            Shadows are carried along to points that do not say where on the mesh they are, or the material has a map of
+            transparency and they have no uv.
         """
         mi = llvm.mitsuba(self.surface.variant)
         samples = np.broadcast_to(samples, len(points))
@@ -225,7 +228,7 @@ class Estimator:
             columns = np.ascontiguousarray(values[chosen].T, np.float32)
             return dr.gather(mi.Vector3f, mi.Vector3f(columns), point)
 
-        found = estimates(mi, _interaction(mi, points, spread), self._place(mi, points, spread), draws)
+        found = estimates(mi, self._interaction(mi, points, spread), self._place(mi, points, spread), draws)
         dr.eval(found)
         return np.array([[dr.block_sum(mi.Float64(c), samples).numpy() for c in rgb] for rgb in found]).swapaxes(1, 2)
 
@@ -250,7 +253,7 @@ class Estimator:
         def taken(values: Array) -> Any:
             return mi.Vector3f(*(float(v) for v in values[chosen[0]]))
 
-        interaction, place = _interaction(mi, points, taken), self._place(mi, points, taken)
+        interaction, place = self._interaction(mi, points, taken), self._place(mi, points, taken)
         total = np.zeros(3)
         for _ in range(samples):
             total += np.array(self._radiance(mi, interaction, place, draws), float)
@@ -368,7 +371,25 @@ class Estimator:
         si.sh_frame = mi.Frame3f(*(place.posed(mi, axis) for axis in (frame.s, frame.t, frame.n)))
         si.n = mi.Normal3f(place.posed(mi, n))
         si.wi = si.to_local(-direction)
+        si.uv = found.uv
         return si, replace(place, position=found.p, geometric=mi.Vector3f(n), normal=mi.Vector3f(frame.n)), active
+
+    def _interaction(self, mi: Any, points: Points, spread: Callable[[Array], Any]) -> Any:
+        """Return the surface interaction at the points, its arrays laid out by `spread`."""
+        import drjit as dr
+
+        si = dr.zeros(mi.SurfaceInteraction3f)
+        si.p = mi.Point3f(spread(points.position))
+        si.n = mi.Normal3f(spread(points.geometric_normal))
+        normal, s = spread(points.normal), spread(_orthogonal(points))
+        si.sh_frame = mi.Frame3f(s, dr.cross(normal, s), normal)
+        si.wi = si.to_local(spread(points.view))
+        if self.surface.material.transparency is not None:
+            if points.uv is None:
+                raise BadInput("a map of transparency needs points with uv; unwrap the mesh first.")
+            uv = spread(np.pad(points.uv, ((0, 0), (0, 1))))
+            si.uv = mi.Point2f(uv.x, uv.y)
+        return si
 
     def _place(self, mi: Any, points: Points, spread: Callable[[Array], Any]) -> _Place:
         """Return where the points are on the occluder, their arrays laid out by `spread`."""
@@ -432,19 +453,6 @@ def _at_rest(mesh: TriangleMesh, points: Points) -> tuple[Array, Array, Array]:
         np.einsum("nk,nkc->nc", points.barycentric, values[corners]) for values in (mesh.vertices, mesh.normals)
     )
     return position, normalised(np.cross(b - a, c - a)), normalised(normal)
-
-
-def _interaction(mi: Any, points: Points, spread: Any) -> Any:
-    """Return the surface interaction at the points, its arrays laid out by `spread`."""
-    import drjit as dr
-
-    si = dr.zeros(mi.SurfaceInteraction3f)
-    si.p = mi.Point3f(spread(points.position))
-    si.n = mi.Normal3f(spread(points.geometric_normal))
-    normal, s = spread(points.normal), spread(_orthogonal(points))
-    si.sh_frame = mi.Frame3f(s, dr.cross(normal, s), normal)
-    si.wi = si.to_local(spread(points.view))
-    return si
 
 
 def _chunks(indices: NDArray[np.int_], size: int) -> list[NDArray[np.int_]]:

@@ -87,13 +87,29 @@ def read(path: str | Path) -> Texture:
 
 
 def modulation(texture: Texture, points: Points) -> Array:
-    """Return the texture at the points' uv, (n, 3): bilinear between texels, repeating beyond [0, 1]."""
-    if points.uv is None:
+    """Return the texture at the points' uv, (n, 3)."""
+    return looked_up(texture, points.uv)
+
+
+def transparency(map_: Texture, uv: Array | None) -> Array:
+    """Return the transparency that a map has at uv (n, 2), (n,): the mean of its channels."""
+    return looked_up(map_, uv).mean(axis=1)
+
+
+def looked_up(texture: Texture, uv: Array | None) -> Array:
+    """Return the texture at uv (n, 2), (n, 3): bilinear between texels, repeating beyond [0, 1].
+
+    Raises
+    ------
+    BadInput
+        There are no uv.
+    """
+    if uv is None:
         raise BadInput(
             f"texture '{texture.name}' needs points with uv, and the shape's mesh has none; unwrap it first."
         )
     height, width = texture.values.shape[:2]
-    x, y = points.uv[:, 0] * width - 0.5, points.uv[:, 1] * height - 0.5
+    x, y = uv[:, 0] * width - 0.5, uv[:, 1] * height - 0.5
     column, row = np.floor(x).astype(int), np.floor(y).astype(int)
     fx, fy = (x - column)[:, None], (y - row)[:, None]
     near, far = row % height, (row + 1) % height

@@ -41,6 +41,7 @@ class MonteCarlo(Method):
     summary = "stores nothing; light and lobes are sampled at each point by Mitsuba, a fixed number of times"
     source = "Veach 1997, sec. 9.2 (multiple importance sampling); Mitsuba 3"
     simulates = FREE | {Effect.SELF_SHADOWING}
+    maps_transparency = True
 
     samples: int = 64
     seed: int = 0
@@ -56,6 +57,8 @@ class MonteCarlo(Method):
             return "its rays meet the shape at rest: it is prepared before there is a pose"
         if not scene.geometry.convex and Effect.SELF_SHADOWING not in scene.effects:
             return "it always simulates the shadows that this scene leaves out"
+        if scene.material.transparency is not None and scene.points.uv is None:
+            return "its map of transparency needs points with uv"
         return None
 
     def prepare(self, material: Material, geometry: Geometry) -> Surface:

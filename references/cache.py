@@ -26,6 +26,7 @@ import data_gen.geometry.mitsuba_shape
 import data_gen.mitsuba_bsdf
 import data_gen.mitsuba_estimator
 import data_gen.mitsuba_light
+import data_gen.mitsuba_volume
 import envbench.arrays
 import envbench.material
 import references.closed_form
@@ -33,7 +34,7 @@ import references.effects.facts
 import references.effects.without
 import references.mitsuba_direct as direct
 from envbench.reference import Reference, ReferenceSettings
-from envbench.scene import Scene
+from envbench.scene import Effect, Scene
 
 SOURCES = (
     direct,
@@ -46,6 +47,7 @@ SOURCES = (
     data_gen.mitsuba_bsdf,
     data_gen.mitsuba_estimator,
     data_gen.mitsuba_light,
+    data_gen.mitsuba_volume,
     envbench.arrays,
     envbench.material,
 )
@@ -70,12 +72,12 @@ def provenance(scene: Scene, settings: ReferenceSettings) -> dict[str, Any]:
         "at rest": _at_rest(scene),
         "weight": _digest_of(scene.points.weight),
         "modulation": None if scene.points.modulation is None else _digest_of(scene.points.modulation),
+        "uv": _digest_of(scene.points.uv) if scene.material.transparency and scene.points.uv is not None else None,
         "effects": sorted(scene.effects),
         "bounces": scene.bounces,
         "order": scene.order,
         "viewer": None if scene.viewer is None else repr(scene.viewer),
-        "integrator": "direct at the points, and bounces",
-        "sampler": data_gen.mitsuba_estimator.SAMPLER,
+        **_how(scene),
         "settings": asdict(settings),
         "sources": {m.__name__: hashlib.sha256(inspect.getsource(m).encode()).hexdigest() for m in SOURCES},
         "versions": {name: version(name) for name in PACKAGES},
@@ -179,6 +181,13 @@ def _at_rest(scene: Scene) -> list[str | None] | None:
     points = scene.points
     parts = (points.rotation, points.triangle, points.barycentric)
     return [None if part is None else _digest_of(part) for part in parts]
+
+
+def _how(scene: Scene) -> dict[str, Any]:
+    if Effect.SUBSURFACE in scene.effects:
+        volume = data_gen.mitsuba_volume
+        return {"integrator": f"volpath, at most {volume.MOST_EVENTS} events", "sampler": volume.Scattering.sampler}
+    return {"integrator": "direct at the points, and bounces", "sampler": data_gen.mitsuba_estimator.SAMPLER}
 
 
 def _digest_of(values: NDArray[Any]) -> str:

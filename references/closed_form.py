@@ -28,13 +28,13 @@ _TAIL = 2048
 
 def diffuse(material: Material) -> bool:
     """Whether a material is one that this knows."""
-    return all(isinstance(lobe, Lambertian | Membrane) for lobe in material.lobes)
+    return material.medium is None and all(isinstance(lobe, Lambertian | Membrane) for lobe in material.lobes)
 
 
 def radiance(material: Material, environment: Environment, points: Points) -> tuple[Array, float]:
     """Return the radiance (n, 3) of unshadowed diffuse points, and the most that it errs by anywhere.
 
-    `Points.modulation` is left to whoever asks.
+    The material has no map of transparency; `Points.modulation` is left to whoever asks.
     """
     light = real_harmonics.project(environment.radiance.astype(np.float64), DEGREE)
     band = np.repeat(np.arange(DEGREE + 1), 2 * np.arange(DEGREE + 1) + 1)

@@ -14,6 +14,8 @@ self-shadowing                          where the shape lets it through. Of a po
                                         local effects only, what a transfer simulated at rest and turned tells of
 self-shadowing, deformation             where the posed shape lets it through
 inter-reflection, beside these          also by way of the shape, as often as the scene says, or the settings
+subsurface                              having scattered inside the shape, posed or, without deformation, at rest, as
+                                        above. Shadows and bounces are those of the paths: nothing is opaque
 ======================================  ==============================================================================
 
 The others are left out as `references.effects.without` says. Without view dependence the radiance is the mean over
@@ -32,6 +34,8 @@ from numpy.typing import NDArray
 
 from data_gen.lobes import Lambertian, Membrane
 from data_gen.mitsuba_estimator import Estimator, Surface
+from data_gen.mitsuba_volume import Scattering
+from envbench.directions import Array
 from envbench.reference import Reference, ReferenceSettings
 from envbench.scene import Effect, Scene
 from references import closed_form
@@ -93,12 +97,15 @@ def render(scene: Scene, settings: ReferenceSettings, key: str = "") -> Referenc
     modulation = 1.0 if scene.points.modulation is None else scene.points.modulation
     first = _FIRST // 4 if settings.variant.startswith("scalar") else _FIRST
     samples = np.full(len(scene.points), first)
-    least = 0.8 if estimator.sample_lobes else 0.6  # the order that noise has under captured light, or more
-    goal, order, before, rays = _MARGIN * settings.floor, least, (0, 0.0), 0
+    goal, order, before, rays = _MARGIN * settings.floor, estimator.order, (0, 0.0), 0
     while True:
-        step = time.perf_counter()
         seeds = np.random.SeedSequence((settings.seed, int(samples.sum()))).spawn(settings.replicates)
-        replicates = np.stack([estimator.replicate(scene.points, samples, seed) for seed in seeds]) * modulation
+        estimates: list[Array] = []
+        step = 0.0
+        for seed in seeds:
+            estimates.append(estimator.replicate(scene.points, samples, seed) * modulation)
+            step = step or time.perf_counter()  # a first replicate may have had to compile: what comes has not
+        replicates = np.stack(estimates)
         rays += estimator.rays * int(samples.sum()) * settings.replicates
         now = time.perf_counter()
         result = replace(
@@ -112,10 +119,11 @@ def render(scene: Scene, settings: ReferenceSettings, key: str = "") -> Referenc
             return result
         if before[0] == first:
             measured = math.log(before[1] / result.floor) / math.log(result.samples / before[0])
-            order = min(max(measured, least), 1.0)
+            order = min(max(measured, estimator.order), 1.0)
         elif before[0]:  # a plan that fell short is not made again, but with a lower goal
             goal *= settings.floor / result.floor
-        affordable = 0.9 * (settings.budget - result.seconds) / (now - step)
+        cost = (now - step) * settings.replicates / (settings.replicates - 1)
+        affordable = 0.9 * (settings.budget - result.seconds) / cost
         planned, floor = _plan(result, samples, order, goal, min(affordable, _GROWTH))
         if not before[0] and planned.mean() > 2 * _SECOND * first and affordable > 2 * _SECOND:
             planned = _SECOND * samples  # a second look, at the same samples everywhere, shows the order
@@ -134,10 +142,12 @@ def surface_for(scene: Scene, variant: str, bounces: int) -> Surface:
         simulated(scene).material, None, variant,
         any_view=Effect.VIEW_DEPENDENCE in without, any_tangent=Effect.ANISOTROPY in without,
     )  # fmt: skip
-    if not scene.effects & {Effect.SELF_SHADOWING, Effect.INTERREFLECTION}:
-        return bare
     carried = scene.geometry.pose is not None and Effect.DEFORMATION not in scene.effects
     shape = scene.geometry.rest if carried else scene.geometry.posed
+    if Effect.SUBSURFACE in scene.effects:
+        return replace(bare, occluder=shape.mesh, carried=carried)
+    if not scene.effects & {Effect.SELF_SHADOWING, Effect.INTERREFLECTION}:
+        return bare
     if shape.convex:
         return bare
     often = bounces if scene.bounces is None else scene.bounces
@@ -149,7 +159,9 @@ def surface_for(scene: Scene, variant: str, bounces: int) -> Surface:
 def _exact(scene: Scene, empty: Reference) -> Reference | None:
     """Return the reference in closed form, all replicates equal; None where there is none, or none exact enough."""
     material = scene.material
-    if not closed_form.diffuse(material) or surface_for(scene, "scalar_rgb", 0).occluder is not None:
+    if not closed_form.diffuse(material) or material.transparency is not None:
+        return None
+    if surface_for(scene, "scalar_rgb", 0).occluder is not None:
         return None
     values, error = closed_form.radiance(material, scene.environment, scene.points)
     if scene.points.modulation is not None:
@@ -166,7 +178,10 @@ def estimator_for(scene: Scene, variant: str, seed: int = 0, bounces: int = Refe
     the other estimate too, which finds all peaks. The choice rests on noise alone and is the same on every machine.
     """
     scene = simulated(scene)
-    both = Estimator(surface_for(scene, variant, bounces), scene.environment)
+    surface = surface_for(scene, variant, bounces)
+    if Effect.SUBSURFACE in scene.effects:
+        return Scattering(surface, scene.environment)
+    both = Estimator(surface, scene.environment)
     light = replace(both, sample_lobes=False)
     if all(isinstance(lobe, Lambertian | Membrane) for lobe in scene.material.lobes):
         return light

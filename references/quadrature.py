@@ -21,6 +21,8 @@ from functools import partial
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from data_gen.lobes import Membrane
+from data_gen.texture import transparency
 from envbench.arrays import dot
 from envbench.directions import Array, from_angles, perpendicular, to_angles
 from envbench.environment import Environment
@@ -75,14 +77,29 @@ def integrate(scene: Scene, indices: ArrayLike | None = None, *, tolerance: floa
     scale = tolerance * sum(float(part.mean.sum()) for _, part in environment.parts)
     if scale == 0:
         return total
-    for lobe in scene.material.lobes:
+    for lobe, share in _shares(scene, chosen):
         frames = np.stack([points.view, points.central(lobe.centre), points.normal], axis=1)[chosen]
         sizes = np.minimum(lobe.cone(0.5) / _CELLS, _SLOPES / np.maximum(_slopes(lobe, frames), 1e-300))
         work = partial(_block_integrals, environment, lobe, frames, sizes, scale)
         with ThreadPoolExecutor(os.cpu_count()) as pool:
             for part in pool.map(work, _blocks(environment)):  # in order: the sum is deterministic
-                total += part
+                total += share * part
     return total if points.modulation is None else total * points.modulation[chosen]
+
+
+def _shares(scene: Scene, chosen: NDArray[np.int_]) -> Iterator[tuple[Lobe, Array | float]]:
+    """Yield lobes, and what each counts at the points: (n, 1), or 1 at all of them.
+
+    A membrane is linear in its transparency: under a map it is its own two extremes, blended.
+    """
+    map_ = scene.material.transparency
+    for lobe in scene.material.lobes:
+        if map_ is None or not isinstance(lobe, Membrane):
+            yield lobe, 1.0
+            continue
+        alpha = transparency(map_, scene.points.uv)[chosen, None]
+        yield replace(lobe, transparency=0.0), 1 - alpha
+        yield replace(lobe, transparency=1.0), alpha
 
 
 @dataclass(frozen=True)

@@ -26,7 +26,8 @@ class Patch:
     """A rectangle of `size` in z = 0 with a relief: `tiles` of a generated texture, or of a picture.
 
     `height` is that of the relief above z = 0. The wrinkle is a groove below it instead, of a `depth` and a `width`
-    (share of a tile) at a `location` across the tile. uv go once over the patch, whatever its tiles.
+    (share of a tile) at a `location` across the tile. uv go once over the patch, whatever its tiles. With a `thickness`
+    it is a closed slab, flat below, its bottom so far under the relief's lowest point.
     """
 
     kind: ClassVar[str] = "patch"
@@ -40,6 +41,7 @@ class Patch:
     depth: float | None = None
     location: float | None = None
     width: float | None = None
+    thickness: float | None = None
 
     def __post_init__(self) -> None:
         p.pair("resolution", self.resolution, 2, MAX_RESOLUTION)
@@ -62,6 +64,8 @@ class Patch:
                     f"{key} is no setting of {'a wrinkle' if wrinkle else 'this texture: a wrinkle has it'}."
                 )
             p.number(key, value, low, high)
+        if self.thickness is not None:
+            p.number("thickness", self.thickness, 1e-6, 1e6)
 
     def geometry(self, name: str) -> Geometry:
         """Make the mesh."""
@@ -76,7 +80,10 @@ class Patch:
         vertices = np.concatenate([uv * size, scale * (h - low)[:, None]], axis=1)
         normals = normalised(np.concatenate([-slope, np.ones((len(uv), 1))], axis=1))
         flat = float(np.ptp(vertices[:, 2])) == 0
-        return Geometry(name, TriangleMesh(vertices, triangles, normals, uv), flat, self._notes(resolution, tiles))
+        mesh = TriangleMesh(vertices, triangles, normals, uv)
+        if self.thickness is not None:
+            mesh = slab(mesh, resolution, float(vertices[:, 2].min()) - self.thickness)
+        return Geometry(name, mesh, flat, self._notes(resolution, tiles))
 
     def _relief(self, samples: int) -> tuple[reliefs.Relief, float]:
         if self.texture == "wrinkle":
@@ -148,6 +155,42 @@ class Ellipsoid:
         axes, unit = np.array(self.axes, float), np.asarray(ball.vertices, float)
         mesh = TriangleMesh(unit * axes, np.asarray(ball.faces, np.int32), normalised(unit / axes))
         return Geometry(name, mesh, True)
+
+
+def slab(top: TriangleMesh, resolution: tuple[int, int], bottom: float) -> TriangleMesh:
+    """Return the solid between a height field over a grid and the plane z = `bottom`, closed by four walls.
+
+    All parts have their own vertices at the edges, with normals of their own, and uv that are x and y scaled.
+    """
+    assert top.uv is not None
+    columns, rows = resolution
+    count = len(top.vertices)
+    index = np.arange(count).reshape(rows, columns)
+    below = top.vertices * [1, 1, 0] + [0, 0, bottom]
+    parts: list[tuple[Array, NDArray[Any], Array, Array]] = [
+        (top.vertices, top.triangles, top.normals, top.uv),
+        (below, top.triangles[:, ::-1], np.tile([0.0, 0, -1], (count, 1)), top.uv),
+    ]
+    # counter-clockwise about the slab, seen from above: what is on the left is outside once z is up
+    edges = [
+        (index[0], (0, -1, 0)),
+        (index[:, -1], (1, 0, 0)),
+        (index[-1, ::-1], (0, 1, 0)),
+        (index[::-1, 0], (-1, 0, 0)),
+    ]
+    for edge, normal in edges:
+        n = len(edge)
+        k = np.arange(n - 1)
+        quads = np.stack([np.stack([k, k + 1, n + k + 1], 1), np.stack([k, n + k + 1, n + k], 1)], 1).reshape(-1, 3)
+        wall = np.concatenate([below[edge], top.vertices[edge]])
+        parts.append((wall, quads, np.tile(np.array(normal, float), (2 * n, 1)), np.tile(top.uv[edge], (2, 1))))
+    starts = np.cumsum([0] + [len(vertices) for vertices, *_ in parts])
+    return TriangleMesh(
+        np.concatenate([vertices for vertices, *_ in parts]),
+        np.concatenate([t + start for (_, t, *_), start in zip(parts, starts, strict=False)]).astype(np.int32),
+        np.concatenate([normals for *_, normals, _ in parts]),
+        np.concatenate([uv for *_, uv in parts]),
+    )
 
 
 def revolved(surface: Surface, resolution: Any, name: str) -> Geometry:

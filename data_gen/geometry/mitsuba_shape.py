@@ -10,11 +10,13 @@ import numpy as np
 from envbench.geometry import TriangleMesh
 
 
-def mitsuba_mesh(mi: ModuleType, mesh: TriangleMesh) -> Any:
-    """Return the mesh with its normals (and uv, if any) as a `mi.Mesh` of the variant that is set."""
-    properties = mi.Properties()
+def mitsuba_mesh(mi: ModuleType, mesh: TriangleMesh, properties: Any = None) -> Any:
+    """Return the mesh with its normals (and uv, if any) as a `mi.Mesh` of the variant that is set.
+
+    `properties` may hold what the mesh is made of, as a `mi.Properties`.
+    """
     shape = mi.Mesh(
-        "mesh", len(mesh.vertices), len(mesh.triangles), properties, has_vertex_normals=True,
+        "mesh", len(mesh.vertices), len(mesh.triangles), properties or mi.Properties(), has_vertex_normals=True,
         has_vertex_texcoords=mesh.uv is not None,
     )  # fmt: skip
     parameters = mi.traverse(shape)

@@ -25,6 +25,11 @@ _ROUND: dict[str, Any] = {"kind": "patch", "tiles": [10, 8], "size": [10 * _TILE
 """Patches of 24 and 20 vertices a tile; the second is about as wide as the vase is round, and as high as its profile is
 long, so that tiles keep their shape on it."""
 
+_SLAB: dict[str, Any] = {
+    "kind": "patch", "tiles": 3, "size": 3 * _TILE, "resolution": 43, "thickness": 0.4 * _TILE, **_RELIEFS["waffle"],
+}  # fmt: skip
+"""A closed waffle for light to scatter in: 3,698 vertices above and below, 344 at its sides."""
+
 _VASE = {"kind": "onto", "surface": "vase"}
 _TORUS = {"kind": "onto", "surface": {"kind": "torus", "radius": 0.45, "tube": 0.28}}
 _LEAN = {"kind": "bend", "degrees": 50.0, "axis": "z", "towards": "x"}
@@ -78,6 +83,8 @@ GEOMETRIES: dict[str, dict[str, Any]] = {
         f"patch-{name}-bent": {**_SQUARE, **relief, "pose": {"kind": "onto", "surface": "bent"}}
         for name, relief in _RELIEFS.items()
     },
+    "slab-waffle": _SLAB,
+    "slab-waffle-bent": {**_SLAB, "pose": {"kind": "onto", "surface": "bent"}},
     **{f"vase-{name}": {**_ROUND, **relief, "pose": _VASE} for name, relief in _RELIEFS.items()},
     **{f"vase-{name}-bent": {**_ROUND, **relief, "pose": [_VASE, _LEAN]} for name, relief in _RELIEFS.items()},
     **{f"torus-{name}": {**_ROUND, **relief, "pose": _TORUS} for name, relief in _RELIEFS.items()},

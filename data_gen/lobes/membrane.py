@@ -22,11 +22,11 @@ class Membrane(Lobe):
     Attributes
     ----------
     transparency : float
-        alpha in [0, 1]; 0 is Lambertian.
+        alpha in [0, 1]; 0 is Lambertian. Values of a map, one a direction, may stand in its place to evaluate them.
     """
 
     clipped: bool = False
-    transparency: float = 0.5
+    transparency: Any = 0.5
 
     centre = Centre.NORMAL
 
@@ -34,7 +34,7 @@ class Membrane(Lobe):
         super().__post_init__()
         if self.clipped:
             raise BadInput("a membrane has no horizon, as light from behind shines through; leave out 'clipped'.")
-        if not 0 <= self.transparency <= 1:
+        if isinstance(self.transparency, int | float) and not 0 <= self.transparency <= 1:
             raise BadInput(f"membrane transparency must lie in [0, 1]. Got {self.transparency} instead.")
 
     @property
@@ -42,16 +42,16 @@ class Membrane(Lobe):
         return True
 
     def profile(self, light: Any, view: Any, centre: Any, normal: Any) -> tuple[Any, ...]:
-        xp = namespace(light[0], centre[0])
+        xp = namespace(light[0], centre[0], self.transparency)
         cosine = dot(centre, light)
         return (xp.maximum(cosine, -self.transparency * cosine) / np.pi,)
 
     def sample(self, u: tuple[Any, Any], view: Any, centre: Any, normal: Any) -> tuple[Any, Any, Any]:
         """Draw by the lobe itself: in front where u_0 < 1 / (1 + alpha), else behind, by the cosine."""
-        xp = namespace(u[0], centre[0])
+        xp = namespace(u[0], centre[0], self.transparency)
         scaled = (1 + self.transparency) * u[0]
         front = scaled < 1
-        share = xp.where(front, scaled, (scaled - 1) / max(self.transparency, 1e-30))
+        share = xp.where(front, scaled, (scaled - 1) / xp.maximum(self.transparency, 1e-30))
         share = xp.minimum(xp.maximum(share, 0.0), 1.0)
         cosine = xp.where(front, 1.0, -1.0) * xp.sqrt(share)
         return about(centre, cosine, xp.sqrt(1 - share), 2 * np.pi * u[1])

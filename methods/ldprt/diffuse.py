@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from data_gen.lobes import Lambertian, Membrane
+from data_gen.texture import transparency
 from envbench import real_harmonics
 from envbench.directions import Array
 from envbench.environment import Environment
@@ -24,8 +25,11 @@ from methods.ldprt.simulated import SIMULATIONS, Request
 from methods.ldprt.transfer import MOST_BANDS, MOST_RAYS, Kind, Transfer
 
 AUTO = "auto"
-SIMULATED = (Kind.UNSHADOWED, Kind.SHADOWED, Kind.INTERREFLECTED)
-CALLS = {Effect.INTERREFLECTION: Kind.INTERREFLECTED, Effect.SELF_SHADOWING: Kind.SHADOWED}
+CALLS = {
+    Effect.SUBSURFACE: Kind.SUBSURFACE,
+    Effect.INTERREFLECTION: Kind.INTERREFLECTED,
+    Effect.SELF_SHADOWING: Kind.SHADOWED,
+}
 """What transfer an effect calls for; of several, the first."""
 MOST_BOUNCES = 16
 NEEDS_MESH = "transfer is stored at vertices: it needs a mesh"
@@ -54,20 +58,25 @@ class Lit:
 class Diffuse(Method):
     """Transfer vectors of a diffuse shape at rest, simulated with rays; a membrane's are closed forms.
 
+    A membrane's map of transparency is looked up at the vertices.
+
     Attributes
     ----------
     order : int
         n: light and transfer hold the bands l < n.
-    transfer : {"auto", "unshadowed", "shadowed", "interreflected"}
-        "auto" is what the effects of the scene call for, and shadowed where there is no scene.
+    transfer : {"auto", "unshadowed", "shadowed", "interreflected", "subsurface"}
+        "auto" is what the effects of the scene call for, and shadowed where there is no scene. Subsurface: through the
+        medium of a translucent material.
     rays : int
-        From each vertex.
+        From each vertex; walks of as many steps as they take, for subsurface transfer.
     bounces : int
         Of inter-reflected transfer; with "auto" the scene's own, where it has a number. The light that a surface sends
         on is that of its mean reflectance, in one channel.
     seed : int
         Of the rays.
     """
+
+    maps_transparency = True
 
     order: int = 6
     transfer: str = AUTO
@@ -76,8 +85,8 @@ class Diffuse(Method):
     seed: int = 0
 
     def __post_init__(self) -> None:
-        if self.transfer not in (AUTO, *SIMULATED):
-            known = ", ".join(repr(str(kind)) for kind in (AUTO, *SIMULATED))
+        if self.transfer not in (AUTO, *Kind):
+            known = ", ".join(repr(str(kind)) for kind in (AUTO, *Kind))
             raise BadInput(f"transfer must be one of {known}. Got '{self.transfer}' instead.")
         for name, low, high in (("order", 2, MOST_BANDS), ("rays", 10, MOST_RAYS), ("bounces", 1, MOST_BOUNCES)):
             if not low <= getattr(self, name) <= high:
@@ -95,17 +104,26 @@ class Diffuse(Method):
         return replace(self, transfer=kind.value, bounces=bounces)
 
     def lacks(self, scene: Scene) -> frozenset[Effect]:
-        """Shadows and bounces are those of the shape at rest, if they were simulated."""
+        """Shadows and bounces are those of the shape at rest, if they were simulated.
+
+        Light that scatters inside has them in its walks, which leave the shape and come in again.
+        """
         own = {
             Kind.UNSHADOWED: set[Effect](),
             Kind.SHADOWED: {Effect.SELF_SHADOWING},
             Kind.INTERREFLECTED: {Effect.SELF_SHADOWING, Effect.INTERREFLECTION},
+            Kind.SUBSURFACE: {Effect.SELF_SHADOWING, Effect.INTERREFLECTION, Effect.SUBSURFACE},
         }
         return scene.effects - own[Kind(self.called_for(scene).transfer)]
 
     def declines(self, scene: Scene) -> str | None:
         if scene.geometry.mesh is None:
             return NEEDS_MESH
+        if self.transfer == Kind.SUBSURFACE:
+            if scene.material.medium is None:
+                return "subsurface transfer needs a translucent material: this one has no medium"
+            if Effect.SUBSURFACE not in scene.effects:
+                return "it always simulates the scattering that this scene leaves out"
         lobes = scene.material.lobes
         if any(isinstance(lobe, Membrane) for lobe in lobes):
             if len(lobes) > 1:
@@ -127,7 +145,7 @@ class Diffuse(Method):
             how["bounces"] = self.bounces
         if found.rays:
             how |= {
-                "rays a vertex": found.rays,
+                "walks a vertex" if found.kind is Kind.SUBSURFACE else "rays a vertex": found.rays,
                 "standard error": found.relative_error,
                 "seconds of simulation": found.seconds,
             }
@@ -162,14 +180,18 @@ class Diffuse(Method):
     def _simulated(self, material: Material, geometry: Geometry, albedo: float) -> Transfer:
         lobe = material.lobes[0]
         if isinstance(lobe, Membrane):
-            assert geometry.mesh is not None
-            vectors = membrane.transfer(geometry.mesh.normals, self.order, lobe.transparency)
+            mesh, map_ = geometry.mesh, material.transparency
+            assert mesh is not None
+            alpha = lobe.transparency if map_ is None else transparency(map_, mesh.uv)
+            vectors = membrane.transfer(mesh.normals, self.order, alpha)
             return Transfer(vectors, np.zeros_like(vectors), Kind.UNSHADOWED, 0, 0.0)
         kind = Kind.SHADOWED if self.transfer == AUTO else Kind(self.transfer)
         several = kind is Kind.INTERREFLECTED
-        request = Request(
-            self.order, kind, self.rays, self.bounces if several else 0, albedo if several else 1.0, self.seed
-        )
+        medium = material.medium if kind is Kind.SUBSURFACE else None
+        if kind is Kind.SUBSURFACE and medium is None:
+            raise BadInput(f"subsurface transfer needs a medium, and material '{material.name}' has none.")
+        bounces, albedo = (self.bounces, albedo) if several else (0, 1.0)
+        request = Request(self.order, kind, self.rays, bounces, albedo, self.seed, medium)
         return SIMULATIONS.get(geometry, request)
 
 

@@ -6,12 +6,14 @@ from collections import OrderedDict
 from dataclasses import dataclass, field
 
 from envbench.geometry import Geometry
+from envbench.material import Medium
+from methods.ldprt import subsurface
 from methods.ldprt.transfer import Kind, Transfer, simulate
 
 
 @dataclass(frozen=True)
 class Request:
-    """What is asked of a shape: see `methods.ldprt.transfer.simulate`."""
+    """What is asked of a shape: see `methods.ldprt.transfer.simulate`; with a `medium`, `methods.ldprt.subsurface`."""
 
     order: int
     kind: Kind
@@ -19,6 +21,21 @@ class Request:
     bounces: int
     albedo: float
     seed: int
+    medium: Medium | None = None
+
+    def simulated(self, geometry: Geometry) -> Transfer:
+        """Simulate it."""
+        if self.medium is not None:
+            return subsurface.simulate(geometry, self.order, self.medium, rays=self.rays, seed=self.seed)
+        return simulate(
+            geometry,
+            self.order,
+            kind=self.kind,
+            rays=self.rays,
+            bounces=self.bounces,
+            albedo=self.albedo,
+            seed=self.seed,
+        )
 
 
 @dataclass
@@ -31,15 +48,7 @@ class Simulations:
     def get(self, geometry: Geometry, request: Request) -> Transfer:
         """Return the transfer of a shape at rest, simulated if it is not kept; it says how long that took."""
         key = geometry.rest.key, request
-        found = self.kept.pop(key, None) or simulate(
-            geometry,
-            request.order,
-            kind=request.kind,
-            rays=request.rays,
-            bounces=request.bounces,
-            albedo=request.albedo,
-            seed=request.seed,
-        )
+        found = self.kept.pop(key, None) or request.simulated(geometry)
         self.kept[key] = found
         while len(self.kept) > self.limit:
             self.kept.popitem(last=False)

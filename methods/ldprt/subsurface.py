@@ -23,34 +23,13 @@ from numpy.typing import NDArray
 from data_gen.boundary import is_closed
 from envbench.errors import BadInput
 from envbench.geometry import Geometry
+from envbench.material import Medium
 from methods.ldprt import basis
 from methods.ldprt.casting import BATCHES, LIFT, Casting
 from methods.ldprt.transfer import Kind, Transfer, check
 
 MOST_STEPS = 20_000
 """Steps of a ray on average after which a batch ends unfinished: a medium this thick would take hours."""
-
-
-@dataclass(frozen=True)
-class Medium:
-    """A homogeneous medium.
-
-    Attributes
-    ----------
-    mean_free_path : float
-        Of light between two events, in the mesh's own unit.
-    albedo : float
-        Share of light that an event scatters instead of absorbing.
-    """
-
-    mean_free_path: float
-    albedo: float = 1.0
-
-    def __post_init__(self) -> None:
-        if not 0 < self.mean_free_path < np.inf:
-            raise BadInput(f"mean_free_path must be a length > 0. Got {self.mean_free_path} instead.")
-        if not 0 <= self.albedo <= 1:
-            raise BadInput(f"albedo must lie in [0, 1]. Got {self.albedo} instead.")
 
 
 def simulate(geometry: Geometry, order: int, medium: Medium, *, rays: int = 5000, seed: int = 0) -> Transfer:

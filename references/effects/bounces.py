@@ -36,7 +36,9 @@ def diffuse_albedo(material: Material) -> Array | None:
     """Return an upper bound of a diffuse material's albedo by channel, (3,); None where a lobe depends on the view."""
     if not diffuse(material):
         return None
-    whole = 1 + max((lobe.transparency for lobe in material.lobes if isinstance(lobe, Membrane)), default=0.0)
+    most = None if material.transparency is None else min(float(material.transparency.values.mean(-1).max()), 1.0)
+    through = [most or lobe.transparency for lobe in material.lobes if isinstance(lobe, Membrane)]
+    whole = 1 + max(through, default=0.0)
     bound = whole * np.sum([lobe.reflectance for lobe in material.lobes], axis=0)
     return bound if material.texture is None else bound * material.texture.values.max((0, 1))
 

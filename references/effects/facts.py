@@ -6,17 +6,20 @@ rules out may matter.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
 
+from data_gen.boundary import is_closed
 from data_gen.lobes import Lambertian, Membrane
 from envbench import harmonics, latlong
 from envbench.environment import Environment
+from envbench.geometry import Geometry, TriangleMesh
 from envbench.material import Centre, Material
 from envbench.scene import Effect, Scene
 
+_WALKS = "none of its own: light that scatters inside leaves the shape and comes in again"
 DETAIL = 1e-3
 """RMS of a light beyond its first bands, relative to its own, that counts as none: the map of a light projected to
 these bands keeps a fifth of this beyond them."""
@@ -35,11 +38,12 @@ def facts(scene: Scene) -> dict[Effect, Fact]:
     found = {effect: Fact(False, "the light is black") for effect in Effect}
     if not scene.environment.radiance.any():
         return found
-    viewed, along, shadows = _view(scene.material), _tangent(scene.material), _shadows(scene)
+    viewed, along, inside = _view(scene.material), _tangent(scene.material), _subsurface(scene)
+    shadows = Fact(False, _WALKS) if inside.occasion else _shadows(scene)
     found[Effect.VIEW_DEPENDENCE], found[Effect.ANISOTROPY], found[Effect.SELF_SHADOWING] = viewed, along, shadows
-    found[Effect.INTERREFLECTION] = _bounces(scene, shadows)
-    found[Effect.DEFORMATION] = _deformation(scene, shadows)
-    found[Effect.SUBSURFACE] = _subsurface(scene.material)
+    found[Effect.INTERREFLECTION] = shadows if inside.occasion else _bounces(scene, shadows)
+    found[Effect.DEFORMATION] = _deformation(scene, shadows, inside)
+    found[Effect.SUBSURFACE] = inside
     found[Effect.PERSPECTIVE] = _perspective(scene, viewed)
     found[Effect.LIGHT_DETAIL] = _detail(scene.environment, scene.order)
     return found
@@ -48,6 +52,22 @@ def facts(scene: Scene) -> dict[Effect, Fact]:
 def occasions(scene: Scene) -> frozenset[Effect]:
     """Return the effects that no fact rules out."""
     return frozenset(effect for effect, fact in facts(scene).items() if fact.occasion)
+
+
+def opaque(scene: Scene) -> Scene:
+    """Return the scene whose material has no medium."""
+    return replace(scene, material=replace(scene.material, medium=None))
+
+
+def fillable(shape: Geometry) -> bool:
+    """Whether a medium can fill a shape: its mesh is closed, at rest and posed."""
+    meshes = shape.mesh, shape.posed.mesh
+    return all(mesh is not None and _closed(mesh) for mesh in meshes)
+
+
+@lru_cache(maxsize=4)
+def _closed(mesh: TriangleMesh) -> bool:
+    return is_closed(mesh)
 
 
 def _view(material: Material) -> Fact:
@@ -80,17 +100,21 @@ def _black(material: Material) -> bool:
     return material.texture is not None and not material.texture.values.any()
 
 
-def _deformation(scene: Scene, shadows: Fact) -> Fact:
+def _deformation(scene: Scene, shadows: Fact, inside: Fact) -> Fact:
     if scene.geometry.pose is None:
         return Fact(False, "no pose")
+    if inside.occasion:
+        return Fact(True, "posed: light may scatter through it otherwise than at rest")
     if not shadows.occasion:
         return Fact(False, "convex as posed: no part meets another, and the pose turns local effects only")
     return Fact(True, "posed: its parts may shadow one another as they did not at rest")
 
 
-def _subsurface(material: Material) -> Fact:
-    if getattr(material, "medium", None) is None:
+def _subsurface(scene: Scene) -> Fact:
+    if scene.material.medium is None:
         return Fact(False, "opaque: the material has no medium")
+    if not fillable(scene.geometry):
+        return Fact(False, "opaque: the shape is no closed mesh, which a medium could fill")
     return Fact(True, "the material has a medium")
 
 

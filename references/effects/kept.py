@@ -58,8 +58,11 @@ def _read(file: Path) -> tuple[Decision, ...] | None:
 
 
 def _decision(row: Mapping[str, Any]) -> Decision:
-    values: dict[str, Any] = {k: math.nan if v is None and k != "bounces" else v for k, v in row.items()}
-    return Decision(**(values | {"effect": Effect(row["effect"]), "basis": Basis(row["basis"])}))
+    values: dict[str, Any] = {
+        k: math.nan if v is None and k not in ("bounces", "tolerance") else v for k, v in row.items()
+    }
+    values["effect"], values["basis"] = Effect(row["effect"]), Basis(row["basis"])
+    return Decision(**values)
 
 
 def _write(file: Path, decisions: tuple[Decision, ...]) -> None:

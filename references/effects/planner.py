@@ -1,7 +1,8 @@
 """Which effects ground truth simulates on a scene: by facts, else by probes whose bounds decide against the tolerance.
 
 Everything is held against the scene with all effects that it has occasion for ("full"), but self-shadowing: without it
-there is nothing to reflect light onto the shape, so with and without it are compared without bounces.
+there is nothing to reflect light onto the shape, so with and without it are compared without bounces. Light that
+scatters inside is held against an opaque surface that shadows itself.
 """
 
 from __future__ import annotations
@@ -9,6 +10,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -17,10 +19,11 @@ from envbench.effects import EffectSettings, Probe
 from envbench.reference import ReferenceSettings
 from envbench.scene import FREE, Basis, Decision, Effect, Plan, Scene
 from references.effects.bounces import rest_of_bounces
-from references.effects.facts import Fact, facts
+from references.effects.facts import Fact, facts, occasions, opaque
 from references.effects.probe import REPLICATES, Bound, Estimators, Looks, Variant, look, needed_samples
 
 SHADOWS, BOUNCES, POSED = Effect.SELF_SHADOWING, Effect.INTERREFLECTION, Effect.DEFORMATION
+INSIDE = Effect.SUBSURFACE
 _FIRST = 512, 16
 """Points and samples of the first look: enough to see what matters much."""
 _SAMPLES = 4, 16, 64, 256, 1024
@@ -48,14 +51,14 @@ def planned(scene: Scene, settings: EffectSettings, reference: ReferenceSettings
     known = facts(scene)
     match settings.plan:
         case Plan.ALL:
-            return _all(scene, known)
+            made = _all(scene, known)
         case Plan.FACTS:
-            decisions = tuple(_by_fact(effect, fact, "") for effect, fact in known.items())
-            return _with(scene, decisions)
+            made = _with(scene, (_by_fact(effect, fact, "") for effect, fact in known.items()))
         case Plan.AUTO:
-            return _Planner(scene, settings, reference, known).plan()
+            made = _Planner(scene, settings, reference, known).plan()
         case _:
-            return _Planner(scene, settings, reference, known).listed(frozenset(Effect(e) for e in settings.plan))
+            made = _Planner(scene, settings, reference, known).listed(frozenset(Effect(e) for e in settings.plan))
+    return _held(made, settings)
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,7 +87,7 @@ def contributions(scene: Scene, settings: EffectSettings, reference: ReferenceSe
     """Plan a scene, measure every effect that it has occasion for, and look at what each makes of it."""
     scene = replace(scene, order=settings.order)
     planner = _Planner(scene, replace(settings, plan=Plan.AUTO, probe=Probe.ALL), reference, facts(scene))
-    made = planner.plan()
+    made = _held(planner.plan(), settings)
     looks = look(scene, reference, len(scene.points), _SHOWN, len(_SAMPLES) + 1)
     pairs = {effect: planner.pair(looks, effect) for effect in planner.bounds}
     differences = {effect: (full - without).mean(0) for effect, (full, without) in pairs.items()}
@@ -92,8 +95,9 @@ def contributions(scene: Scene, settings: EffectSettings, reference: ReferenceSe
 
 
 def _all(scene: Scene, known: dict[Effect, Fact]) -> Scene:
-    """Return the scene with everything on, shadows and bounces on convex shapes too."""
-    wanted = {e for e, fact in known.items() if fact.occasion} | {SHADOWS, BOUNCES}
+    """Return the scene with everything on: shadows and bounces on convex shapes too, unless light scatters inside."""
+    wanted = {e for e, fact in known.items() if fact.occasion}
+    wanted |= {SHADOWS, BOUNCES} if INSIDE not in wanted else set()
     wanted |= {POSED} if scene.geometry.pose is not None else set()
     pose = scene.geometry.pose
     unheeded = replace(scene.geometry, convex=False, pose=None if pose is None else replace(pose, convex=False))
@@ -104,6 +108,11 @@ def _all(scene: Scene, known: dict[Effect, Fact]) -> Scene:
         for effect in Effect
     )
     return replace(_with(scene, decisions), geometry=unheeded)
+
+
+def _held(scene: Scene, settings: EffectSettings) -> Scene:
+    """Return the scene, its decisions told what tolerance they are held against."""
+    return replace(scene, decisions=tuple(replace(d, tolerance=settings.limit) for d in scene.decisions))
 
 
 def _with(scene: Scene, decisions: Iterable[Decision]) -> Scene:
@@ -157,7 +166,8 @@ class _Planner:
         if probed and not self.reference.variant.startswith("scalar"):
             self._probe(probed)
         decisions: list[Decision] = []
-        for effect, fact in self.known.items():
+        known = self.known if INSIDE in chosen else facts(opaque(self.scene)) | {INSIDE: self.known[INSIDE]}
+        for effect, fact in known.items():
             if effect in chosen and fact.occasion:
                 decisions.append(Decision(effect, True, Basis.USER, "asked for"))
             elif effect in self.bounds:
@@ -180,10 +190,18 @@ class _Planner:
 
     def _less(self, effect: Effect) -> Variant:
         """Return the variant that an effect is missing from; without shadows there are no bounces either."""
-        effects = self._full.effects - {effect}
+        effects = self._lacking({effect})
         if effect is SHADOWS:
             effects -= {BOUNCES, POSED}
         return Variant(effects, self._full.bounces if BOUNCES in effects else 0)
+
+    def _lacking(self, without: set[Effect]) -> frozenset[Effect]:
+        """Return all effects but some; what light does not scatter in shadows itself, where it can."""
+        return (self._full.effects - without) | ({SHADOWS} & self._opaque if INSIDE in without else set())
+
+    @cached_property
+    def _opaque(self) -> frozenset[Effect]:
+        return occasions(opaque(self.scene))
 
     def _rendered(self, looks: Looks, variant: Variant) -> Array:
         """Return what a variant looks like, (K, n, 3); one of fewer bounces is part of the full one."""
@@ -247,7 +265,8 @@ class _Planner:
     def _budget(self) -> float:
         if self.settings.budget is not None:
             return self.settings.budget
-        bare = self._less(SHADOWS) if SHADOWS in self._full.effects else self._full
+        dear = next((e for e in (INSIDE, SHADOWS) if e in self._full.effects), None)
+        bare = self._full if dear is None else self._less(dear)
         return max(_LEAST, _SHARE * (self._cost(self._full) - self._cost(bare)))
 
     def _affordable(self, looks: Looks) -> bool:
@@ -296,7 +315,10 @@ class _Planner:
             rest = self.bounds[BOUNCES][kept[BOUNCES]].high if kept[BOUNCES] < most else 0.0
             more = f": {kept[BOUNCES]} of {most} bounces" + (f", the rest adds at most {rest:.2%}" if rest else "")
             reasons[BOUNCES] += more
-        return {e: self._decision(e, kept[e] > 0, reasons[e], kept[e] if e is BOUNCES else None) for e in probed}
+        made = {e: self._decision(e, kept[e] > 0, reasons[e], kept[e] if e is BOUNCES else None) for e in probed}
+        if kept.get(INSIDE) == 0 and SHADOWS in self._opaque:
+            made[SHADOWS] = Decision(SHADOWS, True, Basis.FACT, "opaque and not convex: points may shadow one another")
+        return made
 
     def _kept(self, probed: list[Effect]) -> tuple[dict[Effect, int], dict[Effect, str]]:
         """Return what the bounds of each effect say: 1 to simulate it, or its bounces; 0 to leave it out."""
@@ -324,9 +346,7 @@ class _Planner:
                 without.discard(SHADOWS)
             elif SHADOWS in without:
                 without.add(POSED)
-            joint = looks.bound(
-                self.whole(looks), self._rendered(looks, Variant(self._full.effects - without, bounces))
-            )
+            joint = looks.bound(self.whole(looks), self._rendered(looks, Variant(self._lacking(without), bounces)))
             if joint.high < self.settings.limit:
                 return
             rests = {e: self.bounds[e][many].value for e, many in kept.items() if many < len(self.bounds[e])}

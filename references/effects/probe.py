@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from data_gen.mitsuba_estimator import Estimator
+from data_gen.mitsuba_volume import Scattering
 from envbench.directions import Array
 from envbench.reference import ReferenceSettings
 from envbench.scene import Effect, Scene
@@ -185,10 +186,12 @@ def _squares(values: Array) -> Array:
 
 
 def _estimator(scene: Scene, variant: Variant, mitsuba: str) -> tuple[Scene, Estimator]:
-    """Return a variant of a scene and what renders it: by one estimator for all variants."""
+    """Return a variant of a scene and what renders it: by one estimator for all variants that do not scatter inside."""
     made = simulated(replace(scene, effects=variant.effects, bounces=variant.bounces))
     surface = surface_for(replace(made, effects=variant.effects), mitsuba, variant.bounces)
-    return made, Estimator(surface, made.environment, sample_lobes=not diffuse(scene.material))
+    if Effect.SUBSURFACE in variant.effects:
+        return made, Scattering(surface, made.environment)
+    return made, Estimator(surface, made.environment, sample_lobes=not diffuse(made.material))
 
 
 def needed_samples(values: Array, weight: Array, samples: int, floor: float, order: float = 0.75) -> float:

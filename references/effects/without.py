@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -11,7 +10,7 @@ from data_gen.environments.projected import project
 from envbench.directions import normalised
 from envbench.geometry import Viewer
 from envbench.scene import Effect, Scene
-from references.effects.facts import occasions
+from references.effects.facts import occasions, opaque
 
 
 def left_out(scene: Scene) -> frozenset[Effect]:
@@ -31,10 +30,7 @@ def simulated(scene: Scene) -> Scene:
         scene = replace(scene, environment=project(scene.environment, scene.order))
     if Effect.PERSPECTIVE in without:
         scene = distant(scene)
-    if Effect.SUBSURFACE in without:
-        opaque: dict[str, Any] = {"medium": None}
-        scene = replace(scene, material=replace(scene.material, **opaque))
-    return scene
+    return scene if Effect.SUBSURFACE in scene.effects else opaque(scene)
 
 
 def distant(scene: Scene) -> Scene:

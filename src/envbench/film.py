@@ -58,7 +58,7 @@ def _shaded(spec: AnimationSpec, catalogue: Catalogue) -> tuple[list[TriangleMes
         scene = frame.build(catalogue)
         if not meshes:
             method = method.called_for(scene)
-        declined = method.declines(scene)
+        declined = method.refusal(scene)
         if declined is not None:
             return f"declined: {' '.join(str(declined).split())}"
         if not meshes:

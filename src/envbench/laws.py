@@ -112,7 +112,7 @@ def _taken(method: Method, material: Material, light: Environment, asked: list[Q
     """Return the queries that the method does not decline."""
     sphere = Geometry("sphere")
     scenes = [Scene("laws", light, material, sphere, points, viewer) for viewer, points in asked]
-    return [query for query, scene in zip(asked, scenes, strict=True) if method.declines(scene) is None]
+    return [query for query, scene in zip(asked, scenes, strict=True) if method.refusal(scene) is None]
 
 
 def _render(method: Method, prepared: Any, light: Environment, asked: list[Query]) -> Array:

@@ -115,11 +115,39 @@ class Texture:
 
 
 @dataclass(frozen=True)
+class Medium:
+    """What fills a translucent shape: homogeneous, scattering alike in all directions, of the index of what is outside.
+
+    Attributes
+    ----------
+    mean_free_path : float
+        Of light between two events, in the mesh's own unit.
+    albedo : float
+        Share of light that an event scatters instead of absorbing.
+    """
+
+    mean_free_path: float
+    albedo: float = 1.0
+
+    def __post_init__(self) -> None:
+        if not 0 < self.mean_free_path < np.inf:
+            raise BadInput(f"mean_free_path must be a length > 0. Got {self.mean_free_path} instead.")
+        if not 0 < self.albedo <= 1:
+            raise BadInput(f"albedo must lie in (0, 1]. Got {self.albedo} instead.")
+
+
+@dataclass(frozen=True)
 class Material:
     """A BRDF: the sum of its lobes, all multiplied by the texture where there is one.
 
     Attributes
     ----------
+    medium : Medium or None
+        Where a scene has light scatter inside the shape, what leaves it is the lobes' reflectance times what the medium
+        that fills it lets out; elsewhere the lobes are those of an opaque surface.
+    transparency : Texture or None
+        A map of how much its membranes let through, the mean of the three channels, in place of their own number, which
+        is the map's mean.
     notes : tuple of str
         What a user should know of it, a line each (not reciprocal by so much, gains energy, values clamped ...).
     """
@@ -128,6 +156,8 @@ class Material:
     lobes: tuple[Lobe, ...]
     texture: Texture | None = None
     notes: tuple[str, ...] = ()
+    medium: Medium | None = None
+    transparency: Texture | None = None
 
     def __post_init__(self) -> None:
         if not self.lobes:
@@ -135,6 +165,8 @@ class Material:
 
     @cached_property
     def key(self) -> str:
-        """Content address: the lobes' parameters and the source code of their formulae."""
+        """Content address: the lobes' parameters and the source code of their formulae, medium and maps."""
         text = [lobe.key for lobe in self.lobes] + ([self.texture.key] if self.texture else [])
+        text += [repr(self.medium)] if self.medium else []
+        text += ["transparency", self.transparency.key] if self.transparency else []
         return hashlib.sha256("\0".join(text).encode()).hexdigest()

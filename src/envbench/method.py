@@ -60,6 +60,14 @@ class Method(ABC):
     source: ClassVar[str]
     """The paper, and the equation or section."""
     simulates: ClassVar[frozenset[Effect]] = FREE
+    maps_transparency: ClassVar[bool] = False
+    """Whether it looks up a material's map of transparency, where there is one."""
+
+    def refusal(self, scene: Scene) -> str | None:
+        """Return why `scene` is not this method's: what it `declines`, and maps that it does not look up; or None."""
+        if scene.material.transparency is not None and not self.maps_transparency:
+            return "holds one transparency, and this material has a map of them"
+        return self.declines(scene)
 
     def declines(self, scene: Scene) -> str | None:
         """Return why this method cannot render `scene` at all, or None.

@@ -193,7 +193,7 @@ class Desk:
         method = cell.method.called_for(scene)
         lacks = method.lacks(scene)
         less = attribution.without(scene, lacks)
-        if less is None or lacks in self.without or method.declines(scene) is not None:
+        if less is None or lacks in self.without or method.refusal(scene) is not None:
             return 0.0
         made = self.bench.catalogue.reference(less, cell.scene.reference(self.settings), self.setup.cache)
         self.without[lacks] = made
@@ -206,7 +206,7 @@ class Desk:
         lacks = method.lacks(scene)
         named = tuple(sorted(effect.value for effect in lacks))
         blank = CellResult(cell.key, cell.scene.name, method.name, dict(cell.settings), Status.OK, lacks=named)
-        declined = method.declines(scene)
+        declined = method.refusal(scene)
         if declined is not None:
             return replace(blank, status=Status.DECLINED, reason=_line(declined))
         known = self.prepared.get(identity(method))

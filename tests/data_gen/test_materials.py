@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,8 +13,9 @@ import pytest
 from data_gen.lobes import Lafortune, Lambertian
 from data_gen.materials import LOBES, MATERIALS, build
 from envbench.errors import BadInput, NeedsData
+from envbench.material import Medium
 
-ANALYTIC = [name for name, spec in MATERIALS.items() if "lobes" in spec or spec["kind"] in LOBES]
+ANALYTIC = [name for name, spec in MATERIALS.items() if "lobes" in spec or spec["kind"] in (*LOBES, "translucent")]
 
 
 @pytest.mark.parametrize("name", ANALYTIC)
@@ -57,6 +59,24 @@ def test_a_texture_stands_beside_kind_and_lobes() -> None:
         assert textured.key != plain.key
 
 
+def test_a_translucent_material_is_lambertian_with_a_medium() -> None:
+    wax = build({"kind": "translucent", "mean_free_path": 0.2, "albedo": 0.9, "reflectance": [0.5, 0.4, 0.3]})
+    assert wax.lobes == (Lambertian(reflectance=(0.5, 0.4, 0.3)),)
+    assert wax.medium == Medium(0.2, 0.9)
+    assert wax.notes == ("within is a medium of mean free path 0.2 and albedo 0.9.",)
+    thick, plain = replace(wax, medium=Medium(0.1, 0.9)), replace(wax, medium=None)
+    assert len({wax.key, thick.key, plain.key}) == 3
+
+
+def test_a_membrane_takes_a_number_or_a_picture(tmp_path: Path) -> None:
+    np.save(tmp_path / "map.npy", np.full((4, 4, 3), 0.25, np.float32))
+    mapped = build({"kind": "membrane", "transparency": str(tmp_path / "map.npy")})
+    assert mapped.transparency is not None
+    assert mapped.lobes == build({"kind": "membrane", "transparency": 0.25}).lobes
+    assert build({"kind": "membrane", "transparency": 0.25}).transparency is None
+    assert mapped.key != build({"kind": "membrane", "transparency": 0.25}).key
+
+
 def test_a_measured_material_may_be_part_of_a_sum() -> None:
     with pytest.raises(NeedsData, match=r"nowhere\.binary"):
         build({"lobes": [{"kind": "lambertian"}, {"kind": "merl", "path": "nowhere.binary"}]})
@@ -91,6 +111,18 @@ def test_a_measured_material_may_be_part_of_a_sum() -> None:
         ({"kind": "lafortune", "c_xy": [1, 1, 1]}, "rows of 3 numbers"),
         ({"kind": "lafortune", "sample": "skin", "split": "yes"}, "must be true or false"),
         ({"kind": "phong", "texture": {"kind": "checkers"}}, "did you mean 'checker'"),
+        ({"kind": "membrane", "transparency": {"kind": "checkers"}}, "did you mean 'checker'"),
+        ({"kind": "membrane", "transparency": 1.5}, "transparency must lie in"),
+        ({"kind": "membrane", "transparency": [0.5]}, "must be a number"),
+        ({"kind": "translucent"}, "needs 'mean_free_path'"),
+        ({"kind": "translucent", "mean_free_path": 0}, "mean_free_path must be a length > 0"),
+        ({"kind": "translucent", "mean_free_path": "1"}, "must be a number"),
+        ({"kind": "translucent", "mean_free_path": 1, "albedo": 1.2}, "albedo must lie in"),
+        ({"kind": "translucent", "mean_free_path": 1, "albedo": 0}, "albedo must lie in"),
+        ({"kind": "translucent", "mean_free_pth": 1}, "did you mean 'mean_free_path'"),
+        ({"kind": "translucent", "mean_free_path": 1, "clipped": False}, "unknown setting"),
+        ({"lobes": [{"kind": "translucent", "mean_free_path": 1}, {"kind": "phong"}]}, "stands by itself"),
+        ({"lobes": [{"kind": "membrane", "transparency": {"kind": "checker"}}]}, "stands by itself"),
     ],
 )
 def test_bad_materials_say_so_in_one_line(spec: dict[str, Any], words: str) -> None:

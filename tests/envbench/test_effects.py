@@ -10,6 +10,7 @@ import pytest
 
 import benchmarks.catalogue
 from benchmarks.catalogue import CATALOGUE
+from envbench.errors import BadInput
 from envbench.geometry import Geometry, Points, Pose, TriangleMesh
 from envbench.scene import Effect, Scene
 
@@ -20,7 +21,18 @@ SHADOWS, DEFORMS, VIEWED = Effect.SELF_SHADOWING, Effect.DEFORMATION, Effect.VIE
 BOUNCES = Effect.INTERREFLECTION
 
 
-def built(monkeypatch: pytest.MonkeyPatch, shape: Geometry, kind: str, effects: tuple[Effect, ...] | None) -> Scene:
+TETRAHEDRON = TriangleMesh(
+    np.vstack([np.zeros(3), np.eye(3)]), np.array([[0, 2, 1], [0, 3, 2], [0, 1, 3], [1, 2, 3]], np.int32),
+    np.tile([0.0, 0, 1], (4, 1)),
+)  # fmt: skip
+SOLID = Geometry("solid", TETRAHEDRON)
+INSIDE = Effect.SUBSURFACE
+WAX = {"kind": "translucent", "mean_free_path": 0.1}
+
+
+def built(
+    monkeypatch: pytest.MonkeyPatch, shape: Geometry, kind: str | dict[str, Any], effects: tuple[Effect, ...] | None
+) -> Scene:
     one = np.array([[0.0, 0, 1]])
 
     def queries(names: tuple[str, str], spec: str) -> tuple[Geometry, Points, None]:
@@ -29,8 +41,9 @@ def built(monkeypatch: pytest.MonkeyPatch, shape: Geometry, kind: str, effects: 
 
     monkeypatch.setattr(benchmarks.catalogue, "_queries", queries)
     name = "constant/test/leaf/front" + ("" if effects is None else f" [{', '.join(sorted(effects)) or 'no effects'}]")
-    parts: dict[str, Any] = {"light": {"kind": "constant"}, "material": {"kind": kind}, "geometry": {}, "view": {}}
-    return CATALOGUE.scene(name=name, effects=effects, **parts)
+    parts: dict[str, Any] = {"light": {"kind": "constant"}, "geometry": {}, "view": {}}
+    material = {"kind": kind} if isinstance(kind, str) else kind
+    return CATALOGUE.scene(name=name, effects=effects, material=material, **parts)
 
 
 @pytest.mark.parametrize(
@@ -45,13 +58,38 @@ def built(monkeypatch: pytest.MonkeyPatch, shape: Geometry, kind: str, effects: 
         (replace(LEAF, pose=POSE), "lambertian", (SHADOWS,), {SHADOWS}),
         (replace(LEAF, pose=POSE), "phong", (), set[Effect]()),
         (LEAF, "lambertian", (SHADOWS, Effect.INTERREFLECTION), {SHADOWS, Effect.INTERREFLECTION}),
+        (SOLID, WAX, None, {INSIDE}),
+        (SOLID, WAX, (INSIDE,), {INSIDE}),
+        (SOLID, WAX, (SHADOWS,), {SHADOWS}),
+        (LEAF, WAX, (SHADOWS,), {SHADOWS}),
     ],
 )
 def test_follow_from_facts_or_are_chosen(
     monkeypatch: pytest.MonkeyPatch,
     shape: Geometry,
-    kind: str,
+    kind: str | dict[str, Any],
     effects: tuple[Effect, ...] | None,
     expected: set[Effect],
 ) -> None:
     assert built(monkeypatch, shape, kind, effects).effects == expected
+
+
+@pytest.mark.parametrize(
+    ("shape", "kind", "effects", "words"),
+    [
+        (LEAF, WAX, None, "'leaf' is none"),
+        (LEAF, WAX, (INSIDE,), "closed mesh"),
+        (Geometry("ball"), WAX, None, "closed mesh"),
+        (SOLID, "lambertian", (INSIDE,), "no medium"),
+        (LEAF, {"kind": "membrane", "transparency": {"kind": "gradient"}}, (), "no uv"),
+    ],
+)
+def test_what_makes_no_sense_is_said(
+    monkeypatch: pytest.MonkeyPatch,
+    shape: Geometry,
+    kind: str | dict[str, Any],
+    effects: tuple[Effect, ...] | None,
+    words: str,
+) -> None:
+    with pytest.raises(BadInput, match=words):
+        built(monkeypatch, shape, kind, effects)

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from skimage import io
 
+from data_gen.boundary import is_closed
 from data_gen.geometry import GEOMETRIES, build
 from data_gen.geometry.reliefs import RELIEFS, groove, picture, slopes
 from envbench.directions import normalised
@@ -131,6 +132,29 @@ def test_walls_face_each_other_across_their_gap() -> None:
     assert (right[:, 0] == 0.125).all()
 
 
+@pytest.mark.parametrize("name", ["slab-waffle", "slab-waffle-bent"])
+def test_a_slab_is_closed_and_faces_outwards(name: str) -> None:
+    slab = build(GEOMETRIES[name], name)
+    for mesh in (slab.mesh, slab.posed.mesh):
+        assert mesh is not None
+        assert is_closed(mesh)
+        a, b, c = (mesh.vertices[mesh.triangles[:, k]] for k in range(3))
+        across = np.cross(b - a, c - a)
+        assert (np.sum(across * mesh.normals[mesh.triangles[:, 0]], axis=1) > 0).all()
+        assert np.sum(a * np.cross(b, c)) > 0
+
+
+def test_a_flat_slab_is_a_box() -> None:
+    box = build({
+        "kind": "patch", "texture": "bumps", "height": 0.0, "size": [2.0, 1.0], "resolution": [5, 3], "thickness": 0.5,
+    })  # fmt: skip
+    assert box.mesh is not None
+    assert box.convex
+    assert np.ptp(box.mesh.vertices, axis=0) == pytest.approx([2, 1, 0.5])
+    a, b, c = (box.mesh.vertices[box.mesh.triangles[:, k]] for k in range(3))
+    assert np.sum(a * np.cross(b, c)) / 6 == pytest.approx(1.0)
+
+
 def test_too_coarse_a_patch_is_said() -> None:
     geometry = build({"kind": "patch", "texture": "weave", "tiles": 16})
     assert geometry.notes == (
@@ -152,6 +176,7 @@ def test_too_coarse_a_patch_is_said() -> None:
         ({"kind": "patch", "texture": "weave", "resolution": [4, 4, 4]}, "resolution must be one integer or two"),
         ({"kind": "patch", "texture": "weave", "tiles": 1.5}, "tiles must be an integer"),
         ({"kind": "patch", "texture": "weave", "size": 0}, "size must be a number"),
+        ({"kind": "patch", "texture": "weave", "thickness": 0}, "thickness must be a number"),
         ({"kind": "patch", "texture": "weave", "depth": 0.1}, "depth is no setting of this texture: a wrinkle has it."),
         ({"kind": "patch", "texture": "wrinkle", "height": 0.1}, "height is no setting of a wrinkle."),
         ({"kind": "patch", "texture": "weave", "height": float("inf")}, "height must be a number"),

@@ -213,3 +213,26 @@ def test_what_was_simulated_is_told(bumps: Geometry) -> None:
 def test_settings_are_refused_in_one_line(make: Any, message: str) -> None:
     with pytest.raises(BadInput, match=message):
         make()
+
+
+def test_subsurface_transfer_needs_a_medium_and_a_scene_that_has_it() -> None:
+    method = LDPRT(transfer="subsurface", rays=200)
+    slab = shapes.build({**shapes.GEOMETRIES["slab-waffle"], "resolution": 9, "tiles": 1}, "slab")
+    wax = build({"kind": "translucent", "mean_free_path": 0.2}, "wax")
+    made = Scene("s", light(), wax, slab, at_vertices(slab), effects=frozenset({Effect.SUBSURFACE}))
+    assert method.refusal(made) is None
+    assert method.lacks(made) == set()
+    assert LDPRT(transfer="shadowed").lacks(made) == {Effect.SUBSURFACE}
+    assert "medium" in str(method.refusal(replace(made, material=WHITE)))
+    assert "leaves out" in str(method.refusal(replace(made, effects=frozenset({Effect.SELF_SHADOWING}))))
+    prepared = method.prepare(wax, slab)
+    assert method.describe(prepared)["walks a vertex"] == 200
+    with pytest.raises(BadInput, match="medium"):
+        method.prepare(WHITE, slab)
+    open_sheet = shapes.build({"kind": "patch", "texture": "bumps", "resolution": 9}, "sheet")
+    with pytest.raises(BadInput, match="closed"):
+        method.prepare(wax, open_sheet)
+    constant = Environment("constant", np.ones((16, 32, 3), np.float32))
+    exact = SHRotation(transfer="subsurface", rays=200)
+    found = exact.shade(exact.relight(exact.prepare(wax, slab), constant), at_vertices(slab))
+    assert found == pytest.approx(1, abs=1e-4)  # a white medium returns all
