@@ -88,6 +88,27 @@ def _shading() -> Study:
     return turning.shading()
 
 
+def _wrinkle_map() -> Study:
+    """Errors of the wrinkle's map of lobes at its nodes and between them, beside nodes fitted one by one."""
+    from benchmarks.studies import wrinkles
+
+    return wrinkles.wrinkle_map()
+
+
+def _cylinder_wrinkle() -> Study:
+    """A cylinder with wrinkles, shaded by the map, against Mitsuba; beside figure 6 of Sloan, Luna and Snyder 2005."""
+    from benchmarks.studies import wrinkles
+
+    return wrinkles.cylinder_wrinkle()
+
+
+def _varying_light() -> Study:
+    """Errors and rates where the light differs over the shape, by tables of the harmonics."""
+    from benchmarks.studies import varying_light
+
+    return varying_light.varying_light()
+
+
 STUDIES: dict[str, Callable[[], Study]] = {
     "microfacet-orders": _microfacet_orders,
     "captured-energy": _captured_energy,
@@ -100,4 +121,7 @@ STUDIES: dict[str, Callable[[], Study]] = {
     "thin-membrane": _thin_membrane,
     "shading": _shading,
     "error-budget": _error_budget,
+    "wrinkle-map": _wrinkle_map,
+    "cylinder-wrinkle": _cylinder_wrinkle,
+    "varying-light": _varying_light,
 }
