@@ -1,4 +1,4 @@
-"""Pictures of a shape in a pose: Mitsuba's reference, what methods make of the same points, and how far they are off."""
+"""A shape in a pose as pictures: Mitsuba's reference, what methods make of the same, how far off."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks import CATALOGUE
-from benchmarks.studies.plates import Panel, shown, signed
+from benchmarks.studies.contact_sheet import Scale, Tile, exposed, signed
 from envbench.catalogue import Spec
 from envbench.directions import Array
 from envbench.geometry import Geometry
@@ -24,6 +24,11 @@ LOCAL = (Effect.SELF_SHADOWING,)
 SHADOWS = (Effect.SELF_SHADOWING, Effect.DEFORMATION)
 """Shadows of the shape as it is posed."""
 SIZE = 160
+SCALE = Scale(0.2, "RMS radiances of the reference")
+TONED = (
+    "Linear radiance, exposed so that the 99th percentile of the reference's luminance is about 1, alike in a row, "
+    "clipped, sRGB curve."
+)
 SETTINGS = ReferenceSettings(floor=1e-2, budget=3.0)
 
 
@@ -40,21 +45,21 @@ class Rendering:
 
     @property
     def stops(self) -> float:
-        """The exposure of all its panels."""
+        """The exposure of all its tiles."""
         return exposure(self.truth.mean)
 
-    def reference(self, label: str) -> Panel:
-        """Return a panel of the reference."""
-        return self.panel(label, self.truth.mean)
+    def reference(self, caption: str = "") -> Tile:
+        """Return a tile of the reference."""
+        return self.tile(self.truth.mean, caption)
 
-    def panel(self, label: str, values: NDArray[np.floating]) -> Panel:
-        """Return a panel of radiance (n, 3) at the scene's points."""
-        return Panel(label, shown(self.scene.points.image(np.asarray(values, float)), self.stops))
+    def tile(self, values: NDArray[np.floating], caption: str = "") -> Tile:
+        """Return a tile of radiance (n, 3) at the scene's points."""
+        return Tile(exposed(self.scene.points.image(np.asarray(values, float)), self.stops), caption)
 
-    def difference(self, label: str, values: NDArray[np.floating], limit: float) -> Panel:
-        """Return a panel of what is too much and too little, mean of the channels over the reference's RMS."""
-        relative = (np.asarray(values, float) - self.truth.mean).mean(-1, keepdims=True) / self.truth.rms
-        return Panel(label, signed(self.scene.points.image(relative)[..., 0], limit))
+    def difference(self, values: NDArray[np.floating], scale: Scale, caption: str = "") -> Tile:
+        """Return a tile of what is too much and too little, over the reference's RMS."""
+        relative = (np.asarray(values, float) - self.truth.mean) / self.truth.rms
+        return Tile(signed(self.scene.points.image(relative), scale.limit), caption)
 
 
 def rendered(

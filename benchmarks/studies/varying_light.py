@@ -1,4 +1,4 @@
-"""Light that differs over the shape: eq. 13 of Sloan, Luna and Snyder 2005 with tables of the harmonics, point by point."""
+"""Light that differs over the shape: eq. 13 of Sloan, Luna and Snyder 2005 with tables of the harmonics."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.studies.plates import TONE, plate
-from benchmarks.studies.renderings import LOCAL, Rendering, rendered
+from benchmarks.studies.contact_sheet import compose
+from benchmarks.studies.renderings import LOCAL, SCALE, TONED, Rendering, rendered
 from envbench import harmonics, real_harmonics
 from envbench.directions import Array, normalised
 from envbench.records import Picture, Study
@@ -31,7 +31,6 @@ LAMP = 0.25
 """Radius of the lamp beside the shape, in the shape's height."""
 SAMPLES = 3
 """Places along each side of the shape's box at which light is sampled: 27 in all."""
-LIMIT = 0.2
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,7 +111,8 @@ def varying_light() -> Study:
         f"beside the shape, its light vector at a point in closed form; what is shaded with is sampled at {SAMPLES}^3 "
         "places of the shape's box and trilinear between. Errors are RMS, relative to the RMS of the exact radiance: "
         "against t . e of every point, its whole transfer vector turned in double precision, its own light; of the two "
-        "lights also against Mitsuba's references of both, blended by the same shares, their noise taken off. Medians of 9 rounds.",
+        "lights also against Mitsuba's references of both, blended by the same shares, their noise taken "
+        "off. Medians of 9 rounds.",
         ("light", "way", "against t . e", "against Mitsuba", "below one light for all", "ms", "million points/s"),
         tuple(rows),
         ("With a light for each point no table can be made of the light: tables of the harmonics are what is left.",),
@@ -153,23 +153,17 @@ def _rows(
 def _picture(view: Rendering, truth: Array, found: dict[str, NDArray[np.float32]]) -> Picture:
     blended = Rendering(view.scene, replace(view.truth, replicates=np.repeat(truth[None], 2, axis=0)))
     ours, one = found["lobes, harmonics from tables"], found["lobes, one light for all"]
-    rows = [
+    sheet = compose(
         [
-            blended.reference("reference, both lights"),
-            blended.panel("lobes, a light a point", ours),
-            blended.panel("one light for all", one),
+            [blended.reference(), blended.tile(ours), blended.tile(one)],
+            [None, blended.difference(ours, SCALE), blended.difference(one, SCALE)],
         ],
-        [
-            blended.difference("a light a point less reference", ours, LIMIT),
-            blended.difference("one light less reference", one, LIMIT),
-        ],
-    ]
-    return Picture(
-        "two lights",
-        f"`{LIGHTS[0]}` below passes into `{LIGHTS[1]}` above. {TONE} Difference: mean of the channels, blue "
-        f"-{LIMIT:.0%} and below to red +{LIMIT:.0%} and above, of the reference's RMS.",
-        plate(rows),
+        columns=("reference", "lobes, a light a point", "one light for all"),
+        labels=("image", "less the reference"),
+        notes=(TONED,),
+        scale=SCALE,
     )
+    return Picture("two lights", f"`{LIGHTS[0]}` below passes into `{LIGHTS[1]}` above.", sheet)
 
 
 def _shape(view: Rendering) -> _Shape:

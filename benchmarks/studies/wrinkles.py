@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.studies.plates import TONE, Panel, plate
-from benchmarks.studies.renderings import LOCAL, SHADOWS, Rendering, rendered
+from benchmarks.studies.contact_sheet import Tile, compose, enlarged
+from benchmarks.studies.renderings import LOCAL, SCALE, SHADOWS, TONED, Rendering, rendered
 from envbench import real_harmonics
 from envbench.directions import Array
 from envbench.geometry import Points
@@ -21,11 +21,12 @@ ORDER, SIZE, SAMPLES, ITERATIONS = 6, 32, 64, 150
 """The paper's map; it says neither how many samples its fit has, nor how many steps."""
 BETWEEN = 4
 """Steps from a node to the next at which the map is held against the truth."""
-DEPTHS = (0.25, 0.5, 1.0)
-"""Of the rendered grooves, in their widths."""
 GROOVES, WIDTH, RADIUS = 12, 0.6, 0.5
 """Around the cylinder; share of the pitch that a groove is wide; the cylinder is as long as it is wide."""
-LIMIT = 0.2
+UPRIGHT, DEFORMED = "upright", "twisted and bent"
+POSES = ((UPRIGHT, 0.5), (DEFORMED, 0.25), (DEFORMED, 0.5), (DEFORMED, 1.0))
+"""With the depths of the rendered grooves, in their widths."""
+MAPPED, OWN, UNSHADOWED, STATIC = "by the map", "by the groove's own transfer", "unshadowed", "not turned"
 
 
 def wrinkle_map() -> Study:
@@ -77,25 +78,28 @@ def cylinder_wrinkle() -> Study:
     """Return the errors of a grooved, twisted and bent cylinder that is shaded by the wrinkle's map."""
     wrinkle = fit_wrinkle(size=SIZE, samples=SAMPLES, iterations=ITERATIONS)
     rows: list[tuple[str | float | bool | None, ...]] = []
-    panels: list[list[Panel]] = []
-    for posed in (False, True):
-        for depth in DEPTHS if posed else DEPTHS[1:2]:
-            table = _cylinder(depth, posed)
-            local, whole = (rendered(table, effects, direction=(0.3, -1.0, 0.1)) for effects in (LOCAL, SHADOWS))
-            found = _shaded(wrinkle, depth, whole)
-            name = "twisted and bent" if posed else "upright"
-            errors = [(local.error(values), whole.error(values)) for values in found.values()]
-            rows.append((name, depth, *(e for pair in errors for e in pair), errors[0][1] < errors[3][1]))
-            mapped, unshadowed = found["map"], found["unshadowed"]
-            panels.append(
-                [
-                    whole.reference(f"{name}, depth {depth:g}\nreference"),
-                    whole.panel(f"lobes from the map\nerror {errors[0][1]:.3f}", mapped),
-                    whole.panel(f"unshadowed\nerror {errors[2][1]:.3f}", unshadowed),
-                    whole.difference("lobes less reference", mapped, LIMIT),
-                ]
-            )
-    labels = ("by the map", "by the groove's own transfer", "unshadowed", "not turned")
+    tiles: list[list[Tile]] = []
+    for pose, depth in POSES:
+        table = _cylinder(depth, pose != UPRIGHT)
+        local, whole = (rendered(table, effects, direction=(0.3, -1.0, 0.1)) for effects in (LOCAL, SHADOWS))
+        found = _shaded(wrinkle, depth, whole)
+        errors = {way: (local.error(values), whole.error(values)) for way, values in found.items()}
+        better = errors[MAPPED][1] < min(errors[way][1] for way in (UNSHADOWED, STATIC))
+        rows.append((pose, depth, *(e for way in errors for e in errors[way]), better))
+        tiles.append(
+            [
+                whole.reference(),
+                *(whole.tile(found[way], f"error {errors[way][1]:.3f}") for way in (MAPPED, UNSHADOWED)),
+                whole.difference(found[MAPPED], SCALE),
+            ]
+        )
+    sheet = compose(
+        tiles,
+        columns=("reference", "lobes from the map", "unshadowed", "map less reference"),
+        labels=[f"{pose}, depth {depth:g}" for pose, depth in POSES],
+        notes=(TONED,),
+        scale=SCALE,
+    )
     return Study(
         "cylinder-wrinkle",
         "A cylinder with wrinkles, shaded by the map of one groove",
@@ -103,22 +107,20 @@ def cylinder_wrinkle() -> Study:
         "Each pixel reads its three lobes from the map by its place across the groove and by the depth, in widths; "
         "nothing else is precomputed. The reference is Mitsuba's, of the grooved mesh itself, under `studio` "
         "projected to six bands: with the shadows of the flat groove carried along (local), and with those of the "
-        "posed one (all). NRMSE.",
-        ("pose", "depth", *(f"{label}, {effects}" for label in labels for effects in ("local", "all")),
-         "turning pays"),
-        tuple(rows),
-        ("What the groove's own transfer leaves is not the lobes': its grooves have no ends, the mesh has facets, and "
-         "rounding the patch opens the grooves.",),
-        pictures=(
-            Picture(
-                "cylinder wrinkle",
-                f"The reference has all shadows. {TONE} "
-                f"Difference: mean of the channels, blue -{LIMIT:.0%} and below to red +{LIMIT:.0%} and above, of the "
-                "reference's RMS.",
-                plate(panels),
-            ),
+        "posed one (all). NRMSE, the reference's noise taken off.",
+        (
+            "pose",
+            "depth",
+            *(f"{way}, {effects}" for way in (MAPPED, OWN, UNSHADOWED, STATIC) for effects in ("local", "all")),
+            "map is best",
         ),
-    )  # fmt: skip
+        tuple(rows),
+        (
+            "What the groove's own transfer leaves is not the lobes': its grooves have no ends, the mesh has facets, "
+            "and rounding the patch opens the grooves.",
+        ),
+        pictures=(Picture("cylinder wrinkle", "The reference has all shadows of the posed mesh.", sheet),),
+    )
 
 
 def _apart(nodes: Array) -> LobeMap:
@@ -136,16 +138,14 @@ def _bilinear(nodes: Array, u: Array, v: Array) -> Array:
 
 
 def _errors(names: list[str], maps: list[Array]) -> Picture:
-    panels: list[Panel] = []
-    for name, error in zip(names, maps, strict=True):
+    tiles: list[Tile] = []
+    for error in maps:
         level = np.clip((np.log10(np.maximum(error.T[::-1], 1e-12)) + 4) / 4, 0, 1)
         grey = np.rint(255 * (1 - level)).astype(np.uint8)
-        panels.append(Panel(name.replace(", ", ",\n", 1), np.repeat(np.repeat(grey[..., None], 3, 2), 2, 0).repeat(2, 1)))
+        tiles.append(Tile(enlarged(np.repeat(grey[..., None], 3, axis=2), 250)))
+    notes = ("Error of the signal's length, on a logarithmic scale: white 1e-4 and below, black 1 and above.",)
     return Picture(
-        "errors over the map",
-        "Error over x (to the right) and depth (upwards), of the signal's length, on a logarithmic scale: white 1e-4 "
-        "and below, black 1 and above.",
-        plate([panels]),
+        "errors over the map", "x to the right, depth upwards.", compose([tiles], columns=names, notes=notes)
     )
 
 
@@ -185,10 +185,10 @@ def _shaded(wrinkle: Wrinkle, depth: float, whole: Rendering) -> dict[str, Array
     own = groove_transfer(x, depth, ORDER)
     packed = shade.pack(lobes.axes, lobes.coefficients, lobes.direct)
     return {
-        "map": shade.evaluated(packed, light, rotations),
-        "own": shade.full(own, light, rotations),
-        "unshadowed": membrane.transfer(points.normal, ORDER) @ light,
-        "static": shade.static(own, light),
+        MAPPED: shade.evaluated(packed, light, rotations),
+        OWN: shade.full(own, light, rotations),
+        UNSHADOWED: membrane.transfer(points.normal, ORDER) @ light,
+        STATIC: shade.static(own, light),
     }
 
 
