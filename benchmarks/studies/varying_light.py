@@ -93,9 +93,9 @@ def varying_light() -> Study:
     share = height * height * (3 - 2 * height)  # from one light to the other, smoothly
     blend = (1 - share)[:, None, None] * two[0] + share[:, None, None] * two[1]
     seen = shape.corners.blended(np.repeat(share[:, None], 3, axis=1).astype(np.float32))[:, :1]
-    weights = np.stack([1 - seen, seen])
-    truth = sum(w * v.truth.mean for w, v in zip(weights, views, strict=True))
-    noise = sum((w * v.truth.standard_error) ** 2 for w, v in zip(weights, views, strict=True))
+    shares = np.stack([1 - seen, seen])
+    truth = (shares * [view.truth.mean for view in views]).sum(0)
+    noise = ((shares * [view.truth.standard_error for view in views]) ** 2).sum(0)
     lamp = _Lamp.beside(shape.position)
     near = lamp.vectors(shape.position) * _reflectance(views[0])
     sampled = _sampled(lamp, shape.position) * _reflectance(views[0])

@@ -6,6 +6,7 @@ import time
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from benchmarks.studies.contact_sheet import Tile, compose, enlarged
 from benchmarks.studies.renderings import LOCAL, SCALE, SHADOWS, TONED, Rendering, rendered
@@ -174,7 +175,7 @@ def _across(points: Points) -> Array:
     return np.clip(tile / WIDTH, -0.5, 0.5)
 
 
-def _shaded(wrinkle: Wrinkle, depth: float, whole: Rendering) -> dict[str, Array]:
+def _shaded(wrinkle: Wrinkle, depth: float, whole: Rendering) -> dict[str, NDArray[np.floating]]:
     """Return radiance (n, 3) by the map, by the groove's transfer itself, without shadows, and without turning."""
     points, rotations = whole.scene.points, whole.scene.points.rotation
     assert rotations is not None
