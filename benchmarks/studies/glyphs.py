@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from benchmarks.studies.contact_sheet import NO_POINT, Pixels
 from data_gen import views
@@ -31,14 +32,16 @@ def glyph(vector: Array, reach: float, size: int) -> Pixels:
     view = {"kind": "image", "size": size, "eye": eye.tolist(), "target": [0.0, 0.0, 0.0],
             "fov": float(2 * np.degrees(np.arctan(1 / EYE)))}  # fmt: skip
     points, _ = views.build(view, Geometry("glyph", mesh, convex=False))
-    above = np.sum(points.barycentric * value[triangles[points.triangle]], axis=1) > 0  # type: ignore[operator, index]
+    assert points.triangle is not None
+    assert points.barycentric is not None
+    above = np.sum(points.barycentric * value[triangles[points.triangle]], axis=1) > 0
     facing = np.sum(points.normal * points.view, axis=1)[:, None]
     colour = np.where(above[:, None], POSITIVE, NEGATIVE) * (0.35 + 0.65 * facing)
     drawn = points.image(colour)
     return np.where(np.isfinite(drawn), np.rint(np.nan_to_num(drawn)), NO_POINT).astype(np.uint8)
 
 
-def _normals(place: Array, triangles: Array, outward: Array) -> Array:
+def _normals(place: Array, triangles: NDArray[np.int32], outward: Array) -> Array:
     """Return the vertices' normals, means of the triangles' by area; outward where there is none."""
     a, b, c = (place[triangles[:, k]] for k in range(3))
     cross, total = np.cross(b - a, c - a), np.zeros_like(place)

@@ -209,7 +209,8 @@ def glossy_head() -> Study:
         "glossy-head",
         "Cook-Torrance of roughness .3 on the head, n = 4: rows and lobes, beside figure 4",
         "RMS over 4,000 vertices and all views of the 32 x 32 map, relative to the whole: under white light, for which "
-        "every harmonic weighs the same, and under `studio` projected to four bands. Printed without numbers: n_b = 3 rows are a good approximation, N = 3 lobes a row an accurate fit.",
+        "every harmonic weighs the same, and under `studio` projected to four bands. Printed without numbers: "
+        "n_b = 3 rows are a good approximation, N = 3 lobes a row an accurate fit.",
         (
             "n_b", "N", "lobes", "error of the rows left out", "further error of the fit", "both",
             "rows left out, under the studio", "fit, under the studio",
