@@ -66,7 +66,7 @@ def rendered(
     geometry: Spec | str,
     effects: Sequence[Effect] | None,
     *,
-    light: str = "studio-6",
+    light: Spec | str = "studio-6",
     material: Spec | str = "lambertian",
     direction: Sequence[float] = (0.3, -1.0, 0.25),
     size: int = SIZE,
@@ -75,7 +75,7 @@ def rendered(
     """Render a shape, by name or table, seen from a distant direction."""
     scene = CATALOGUE.scene(
         name=geometry if isinstance(geometry, str) else "shape",
-        light=CATALOGUE.lights[light],
+        light=CATALOGUE.lights[light] if isinstance(light, str) else light,
         material=CATALOGUE.materials[material] if isinstance(material, str) else material,
         geometry=CATALOGUE.geometries[geometry] if isinstance(geometry, str) else geometry,
         view={"kind": "image", "size": size, "direction": list(direction)},

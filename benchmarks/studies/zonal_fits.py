@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,6 +34,17 @@ RAYS = 5000
 GLYPH = 150
 """Pixels a side of a function that is drawn."""
 HEAD_LIGHT, GLOSSY_LIGHT = "studio-6", {"kind": "projected", "of": "studio", "order": 4}
+GLOSSY = "Cook-Torrance .3"
+OTHERS: dict[str, dict[str, Any]] = {
+    "Cook-Torrance 1": {"kind": "cook-torrance", "roughness": 1.0},
+    "Cook-Torrance .3 on a diffuse base of .5": {
+        "lobes": [
+            {"kind": "lambertian", "reflectance": [0.5, 0.5, 0.5]},
+            {"kind": "cook-torrance", "roughness": 0.3},
+        ]
+    },
+}
+"""BRDFs whose singular values stand beside it: the paper does not say what its glossiness means, or what lies below."""
 PEER_VERTICES = 60
 SECONDS_BAR, SPEEDUP_BAR = 15.0, 30.0
 
@@ -189,7 +201,7 @@ def _beside(points: Points, name: str, exact: Array, others: dict[str, Array]) -
 
 def glossy_head() -> Study:
     """Return the errors of singular values left out and of the fit besides, by rows and lobes."""
-    head, order, brdf = _head(), 4, materials.build({"kind": "cook-torrance", "roughness": 0.3}, "cook-torrance .3")
+    head, order, brdf = _head(), 4, materials.build({"kind": "cook-torrance", "roughness": 0.3}, GLOSSY)
     mesh = head.mesh
     assert mesh is not None
     some = np.linspace(0, len(mesh.vertices) - 1, 4000).astype(int)
@@ -199,12 +211,18 @@ def glossy_head() -> Study:
     vectors = glossy.specialise(whole.rows, frames, directions, seen[some])
     light = project(environments.build(GLOSSY_LIGHT).radiance, order - 1)
     falling = ", ".join(f"{s:.2g}" for s in (whole.singular / whole.singular[0])[:10])
-    rows: list[tuple[float | int, ...]] = []
-    for kept, lobes in ((1, 3), (3, 1), (3, 2), (3, 3), (5, 3), (7, 3), (10, 3)):
-        found = fit.fit(vectors[:, :kept].reshape(-1, order**2), lobes).vectors().reshape(-1, kept, order**2)
-        errors, lit = glossy.errors(vectors, kept, found), glossy.errors(vectors, kept, found, light)
-        both = float(np.hypot(errors.svd, errors.fit))
-        rows.append((kept, lobes, kept * lobes, errors.svd, errors.fit, both, lit.svd, lit.fit))
+    own = np.cumsum(whole.singular[::-1] ** 2)[::-1]
+    rows: list[tuple[str | float | int | None, ...]] = []
+    for lobes, most in ((1, 3), (2, 3), (3, 10)):
+        fitted = fit.fit(vectors[:, :most].reshape(-1, order**2), lobes).vectors().reshape(-1, most, order**2)
+        for kept in (1, 3, 5, 7, 10) if lobes == 3 else (3,):
+            errors, lit = (glossy.errors(vectors, kept, fitted[:, :kept], e) for e in (None, light))
+            both = float(np.hypot(errors.svd, errors.fit))
+            alone = float(np.sqrt(own[kept] / own[0]))
+            rows.append((GLOSSY, kept, lobes, kept * lobes, errors.svd, errors.fit, both, lit.svd, lit.fit, alone))
+    for name, spec in OTHERS.items():
+        alone = glossy.factor(materials.build(spec, name), order, 3).svd_error
+        rows.append((name, 3, None, None, None, None, None, None, None, alone))
     return Study(
         "glossy-head",
         "Cook-Torrance of roughness .3 on the head, n = 4: rows and lobes, beside figure 4",
@@ -212,8 +230,8 @@ def glossy_head() -> Study:
         "every harmonic weighs the same, and under `studio` projected to four bands. Printed without numbers: "
         "n_b = 3 rows are a good approximation, N = 3 lobes a row an accurate fit.",
         (
-            "n_b", "N", "lobes", "error of the rows left out", "further error of the fit", "both",
-            "rows left out, under the studio", "fit, under the studio",
+            "BRDF", "n_b", "N", "lobes", "error of the rows left out", "further error of the fit", "both",
+            "rows left out, under the studio", "fit, under the studio", "rows left out of the BRDF alone",
         ),
         tuple(rows),
         (
