@@ -6,8 +6,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+from benchmarks import CATALOGUE
 from benchmarks.studies.contact_sheet import compose
 from benchmarks.studies.renderings import LOCAL, SCALE, SHADOWS, TONED, rendered, shaded
+from benchmarks.studies.stand_ins import ONTO_VASE, RELIEF, SHEET
 from envbench.catalogue import Spec
 from envbench.records import Picture, Study
 from envbench.scene import Effect
@@ -119,18 +121,19 @@ def deformed_patch() -> Study:
     )  # fmt: skip
 
 
-def deformed_head() -> Study:
-    """Return figure 6: the head bent and twisted, each ray traced, not turned, and by LDPRT."""
+def deformed_head(stand_in: bool = False) -> Study:
+    """Return figure 6: the head, or a woven vase, bent and twisted, each ray traced, not turned, and by LDPRT."""
     bend = {"kind": "bend", "degrees": 60.0, "axis": "z", "towards": "x"}
     twist = {"kind": "twist", "degrees": 90.0, "axis": "z"}
     methods = {STATIC: StaticPRT(), LDPRT_: LDPRT(), UNSHADOWED: SHRotation(transfer="unshadowed")}
-    cases = [
-        Case(label, {"kind": "mesh", "path": "meshes/head_big_ears.npz", "up": "y", "pose": pose}, methods)
-        for label, pose in (("bent", bend), ("twisted", twist), ("bent and twisted", [twist, bend]))
-    ]
+    shape, first = (RELIEF, [ONTO_VASE]) if stand_in else (CATALOGUE.geometries["head"], [])
+    poses = (("bent", [bend]), ("twisted", [twist]), ("bent and twisted", [twist, bend]))
+    cases = [Case(label, {**shape, "pose": [*first, *pose]}, methods) for label, pose in poses]
+    what = "A woven vase" if stand_in else "The head"
     return _compared(
-        "deformed-head", "The head, bent and twisted: ray traced, with undeformed transfer, by LDPRT",
-        f"17,575 vertices, n = 6, N = 4, 5,000 rays a vertex, under `studio` projected to six bands. {_ERRORS}",
+        "deformed-vase" if stand_in else "deformed-head",
+        f"{what}, bent and twisted: ray traced, with undeformed transfer, by LDPRT",
+        f"n = 6, N = 4, 5,000 rays a vertex, under `studio` projected to six bands. {_ERRORS}",
         cases, STATIC,
     )  # fmt: skip
 
@@ -154,27 +157,30 @@ def textured_vase() -> Study:
     )  # fmt: skip
 
 
-def flying_bat() -> Study:
-    """Return figure 1: the bat as a thin membrane, one lobe of three bands, in its wing beat."""
+def flying_bat(stand_in: bool = False) -> Study:
+    """Return figure 1: the bat as a thin membrane in its wing beat, or a sheet that waves."""
     methods = {
         LDPRT_: LDPRT(order=3, lobes=1, transfer="unshadowed"),
         "LDPRT of six bands": LDPRT(order=6, lobes=1, transfer="unshadowed"),
         STATIC: StaticPRT(order=3, transfer="unshadowed"),
     }
+    if stand_in:
+        shapes = {f"amplitude {a:g}": {**SHEET, "pose": {"kind": "wave", "amplitude": a}} for a in (-0.1, 0.05, 0.15)}
+    else:
+        bat = CATALOGUE.geometries["bat"]
+        shapes = {f"time {t:g}": {**bat, "pose": {"kind": "skin", "time": t}} for t in (0.0, 0.3, 0.6)}
     cases = [
-        Case(
-            f"time {time:g}",
-            {"kind": "mesh", "path": "meshes/bat.npz", "up": "y", "pose": {"kind": "skin", "time": time}},
-            methods, material="membrane", direction=(0.3, -1.0, 0.5), local=(), whole=SHADOWS,
-        )
-        for time in (0.0, 0.3, 0.6)
-    ]  # fmt: skip
+        Case(name, shape, methods, material="membrane", direction=(0.3, -1.0, 0.5), local=(), whole=SHADOWS)
+        for name, shape in shapes.items()
+    ]
     return _compared(
-        "flying-bat", "The bat as a thin membrane, at three times of its wing beat",
+        "waving-membrane" if stand_in else "flying-bat",
+        f"{'A sheet' if stand_in else 'The bat'} as a thin membrane, in three poses",
         "One lobe about the normal in closed form (eq. 23), n = 3, under `studio` projected to six bands. NRMSE over "
-        "the pixels: against Mitsuba without shadows, which is what the membrane's transfer means, and with all shadows.",
+        "the pixels: against Mitsuba without shadows, which is what the membrane's transfer means, and with all of "
+        "them.",
         cases, STATIC,
-        ("Light of six bands shines on transfer of three: the bands between are what n = 3 leaves out.",),
+        ("The light has six bands and the transfer three: six bands show what the others are worth.",),
     )  # fmt: skip
 
 

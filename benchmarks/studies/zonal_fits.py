@@ -15,7 +15,7 @@ from data_gen import environments, materials
 from envbench import harmonics
 from envbench.catalogue import Spec
 from envbench.directions import Array, uniform
-from envbench.geometry import Geometry, Points, TriangleMesh
+from envbench.geometry import Points
 from envbench.real_harmonics import basis, project
 from envbench.records import Picture, Study
 from envbench.scene import Scene
@@ -98,11 +98,11 @@ def _lobes_drawn(vector: Array, found: dict[int, Lobes]) -> Picture:
     )
 
 
-def head_fit() -> Study:
-    """Return error and time by N of the head's real transfer, BFGS on some of its vertices beside it."""
+def head_fit(shape: Spec | None = None) -> Study:
+    """Return error and time by N of the head's real transfer, or another's, BFGS on some of its vertices beside it."""
     from tests.methods.ldprt import bfgs
 
-    transfer = SIMULATIONS.get(_head(), Request(ORDER, Kind.SHADOWED, RAYS, 0, 1.0, 0))
+    transfer = SIMULATIONS.get(_seen(shape, HEAD_LIGHT).geometry, Request(ORDER, Kind.SHADOWED, RAYS, 0, 1.0, 0))
     vectors = transfer.vectors
     length = float(np.sqrt(np.mean(np.sum(vectors**2, axis=1))))
     some = np.linspace(0, len(vectors) - 1, PEER_VERTICES).astype(int)
@@ -133,8 +133,8 @@ def head_fit() -> Study:
         better = float(rows[0][2] or 0) < error
         rows.append((name, None, error, None, better, seconds, None, None, None))
     return Study(
-        "zonal-head",
-        f"The diffuse head of {len(vectors):,} vertices by N, beside figure 3 and SciPy's BFGS",
+        "zonal-head" if shape is None else "zonal-patch",
+        f"A diffuse {_named(shape)} of {len(vectors):,} vertices by N, beside figure 3 and SciPy's BFGS",
         f"Its own shadowed transfer, n = {ORDER}, {RAYS} rays a vertex. RMS over the total length of all "
         f"vertices, all bands "
         "counted. BFGS: all axes and coefficients, analytic gradient (eqs. 19 to 21), greedy start, run to "
@@ -159,13 +159,13 @@ def head_fit() -> Study:
             "Of the two relatives: one fitted lobe has less error.",
             f"Simulation: {transfer.seconds:.3g} s, standard error {transfer.relative_error:.2%} of the length.",
         ),
-        pictures=(_head_lit(vectors, seen),),
+        pictures=(_lit(shape, vectors, seen),),
     )
 
 
-def _head_lit(vectors: Array, seen: dict[str, Array]) -> Picture:
-    """Return the head under a light by its own transfer, and by what stands in for it."""
-    scene = _seen_head(CATALOGUE.lights[HEAD_LIGHT])
+def _lit(shape: Spec | None, vectors: Array, seen: dict[str, Array]) -> Picture:
+    """Return the shape under a light by its own transfer, and by what stands in for that."""
+    scene = _seen(shape, HEAD_LIGHT)
     points, mesh = scene.points, scene.geometry.mesh
     assert mesh is not None
     corners = Corners.of(points, mesh.triangles)
@@ -181,7 +181,7 @@ def _head_lit(vectors: Array, seen: dict[str, Array]) -> Picture:
     shown = {name: radiance(seen[name]) for name in names}
     return Picture(
         "head",
-        f"The head at rest under `{HEAD_LIGHT}`, n = {ORDER}: by whole transfer vectors, and by lobes with the error "
+        f"The shape at rest under `{HEAD_LIGHT}`, n = {ORDER}: by whole transfer vectors, and by lobes with the error "
         "of the table.",
         _beside(points, "whole vectors", exact, shown),
     )
@@ -199,9 +199,13 @@ def _beside(points: Points, name: str, exact: Array, others: dict[str, Array]) -
     )  # fmt: skip
 
 
-def glossy_head() -> Study:
+def glossy_head(shape: Spec | None = None) -> Study:
     """Return the errors of singular values left out and of the fit besides, by rows and lobes."""
-    head, order, brdf = _head(), 4, materials.build({"kind": "cook-torrance", "roughness": 0.3}, GLOSSY)
+    head, order, brdf = (
+        _seen(shape, GLOSSY_LIGHT).geometry,
+        4,
+        materials.build({"kind": "cook-torrance", "roughness": 0.3}, GLOSSY),
+    )
     mesh = head.mesh
     assert mesh is not None
     some = np.linspace(0, len(mesh.vertices) - 1, 4000).astype(int)
@@ -224,8 +228,8 @@ def glossy_head() -> Study:
         alone = glossy.factor(materials.build(spec, name), order, 3).svd_error
         rows.append((name, 3, None, None, None, None, None, None, None, alone))
     return Study(
-        "glossy-head",
-        "Cook-Torrance of roughness .3 on the head, n = 4: rows and lobes, beside figure 4",
+        "glossy-head" if shape is None else "glossy-patch",
+        f"Cook-Torrance of roughness .3 on a {_named(shape)}, n = 4: rows and lobes, beside figure 4",
         "RMS over 4,000 vertices and all views of the 32 x 32 map, relative to the whole: under white light, for which "
         "every harmonic weighs the same, and under `studio` projected to four bands. Printed without numbers: "
         "n_b = 3 rows are a good approximation, N = 3 lobes a row an accurate fit.",
@@ -238,15 +242,17 @@ def glossy_head() -> Study:
             f"Singular values: {falling} ... of the first. They fall slowly, so that in this norm three rows leave "
             "much out; the fit of what is kept is accurate.",
         ),
-        pictures=(_glossy_lit(whole, mesh, directions, seen, 3, 3),),
+        pictures=(_glossy_lit(shape, whole, directions, seen, 3, 3),),
     )  # fmt: skip
 
 
 def _glossy_lit(
-    whole: glossy.Factored, mesh: TriangleMesh, directions: Array, seen: NDArray[np.bool_], kept: int, lobes: int
+    shape: Spec | None, whole: glossy.Factored, directions: Array, seen: NDArray[np.bool_], kept: int, lobes: int
 ) -> Picture:
     """Return the glossy head under a light: by all rows, by those kept, and by these as lobes."""
-    scene = _seen_head(GLOSSY_LIGHT)
+    scene = _seen(shape, GLOSSY_LIGHT)
+    mesh = scene.geometry.mesh
+    assert mesh is not None
     corners = Corners.of(scene.points, mesh.triangles)
     vertex, lane = np.unique(corners.lanes, return_inverse=True)
     frames = glossy.frames(mesh.normals[vertex])
@@ -272,22 +278,24 @@ def _glossy_lit(
     )
 
 
-def _seen_head(light: Spec) -> Scene:
-    """Return the head at rest under a light, as a camera sees it."""
+def _seen(shape: Spec | None, light: Spec | str) -> Scene:
+    """Return the head at rest, or another shape, under a light, as a camera sees it."""
     return CATALOGUE.scene(
-        name="head", light=light, material=CATALOGUE.materials["lambertian"], geometry=CATALOGUE.geometries["head"],
-        view={"kind": "image", "size": 160, "direction": [0.3, -1.0, 0.25]}, effects=None,
-    )  # fmt: skip
+        name="head",
+        light=CATALOGUE.lights[light] if isinstance(light, str) else light,
+        material=CATALOGUE.materials["lambertian"],
+        geometry=CATALOGUE.geometries["head"] if shape is None else shape,
+        view={"kind": "image", "size": 160, "direction": [0.3, -1.0, 0.25 if shape is None else 1.5]},
+        effects=None,
+    )
+
+
+def _named(shape: Spec | None) -> str:
+    return "head" if shape is None else "woven patch"
 
 
 def _nrmse(found: Array, exact: Array) -> float:
     return float(np.sqrt(np.mean((found - exact) ** 2) / np.mean(exact**2)))
-
-
-def _head() -> Geometry:
-    from data_gen import geometry
-
-    return geometry.build(CATALOGUE.geometries["head"], "head")
 
 
 def _rms(lobes: Lobes, vectors: Array) -> float:
