@@ -20,8 +20,9 @@ from methods.ldprt.transfer import Kind, Transfer
 
 RAYS, ORDER, LOBES = 5000, 6, 4
 ROUNDS = 15
+WAFFLE = "64 x 64 waffle"
 TEXTURES = {
-    "64 x 64 waffle": {"kind": "patch", "texture": "waffle", "height": 0.4, "resolution": 64},
+    WAFFLE: {"kind": "patch", "texture": "waffle", "height": 0.4, "resolution": 64},
     "128 x 128 swirl": {"kind": "patch", "texture": "swirl", "height": 0.12, "resolution": 128},
 }
 """One tile each, a vertex a texel; the paper's waffle scatters light inside."""
@@ -31,47 +32,47 @@ _Row = tuple[str | float | int | None, ...]
 
 def timings(head: Spec | None = None, bat: Spec | None = None) -> Study:
     """Return seconds of what is done once, and frames a second of what is done in each."""
-    head_shape = geometry.build(CATALOGUE.geometries["head"] if head is None else head, "head")
-    transfer = _simulated(head_shape)
+    shape = geometry.build(CATALOGUE.geometries["head"] if head is None else head, "head")
+    wings = geometry.build(CATALOGUE.geometries["bat"] if bat is None else bat, "bat").mesh
+    assert wings is not None
+    transfer = _simulated(shape)
     points = len(transfer.vectors)
-    rows: list[_Row] = [("simulation, head", ORDER, None, points, transfer.seconds, 1 / transfer.seconds)]
+    rows: list[_Row] = [_row("simulation", "head", ORDER, None, points, transfer.seconds)]
     tiles = {name: _simulated(geometry.build(spec, name)).vectors for name, spec in TEXTURES.items()}
     lobes, seconds = _fitted(transfer.vectors, LOBES)
-    rows.append(("fit, head", ORDER, LOBES, points, seconds, 1 / seconds))
+    rows.append(_row("fit", "head", ORDER, LOBES, points, seconds))
     for name, vectors in tiles.items():
-        for count in (1, 2, 3, LOBES) if name == "64 x 64 waffle" else (LOBES,):
-            _, seconds = _fitted(vectors, count)
-            rows.append((f"fit, {name}", ORDER, count, len(vectors), seconds, 1 / seconds))
+        for count in (1, 2, 3, LOBES) if name == WAFFLE else (LOBES,):
+            rows.append(_row("fit", name, ORDER, count, len(vectors), _fitted(vectors, count)[1]))
 
     light = real_harmonics.project(environments.build({"kind": "captured", "name": "studio"}).radiance, ORDER - 1)
     turns = _turns(points)
     packed = shade.pack(lobes.axes, lobes.coefficients, lobes.direct)
-
-    def with_table() -> Any:
-        return shade.specialised(packed, light, table.build(light, ORDER), turns)
-
-    rows += [
-        _rate("shading, head, table made anew", ORDER, LOBES, points, with_table),
-        _rate("shading, head, evaluated", ORDER, LOBES, points, lambda: shade.evaluated(packed, light, turns)),
-        _rate("shading, glossy head", 4, 3, points, _glossy(points, turns, light)),
-    ]
-    bat_mesh = geometry.build(CATALOGUE.geometries["bat"] if bat is None else bat, "bat").mesh
-    assert bat_mesh is not None
-    rows += [
-        _rate("shading, bat", 3, 1, len(bat_mesh.normals), _membrane(bat_mesh.normals, light)),
-        _rate("the light's table, 64 x 32", ORDER, None, 64 * 32, lambda: table.build(light, ORDER)),
-    ]
+    frames: dict[tuple[str, str, int, int | None, int], Callable[[], Any]] = {
+        ("shading", "head, table made anew", ORDER, LOBES, points): lambda: shade.specialised(
+            packed, light, table.build(light, ORDER), turns
+        ),
+        ("shading", "head, evaluated", ORDER, LOBES, points): lambda: shade.evaluated(packed, light, turns),
+        ("shading", "glossy head", 4, 3, points): _glossy(points, turns, light),
+        ("shading", "bat, table made anew", 3, 1, len(wings.normals)): _membrane(wings.normals, light),
+        ("table", "64 x 32", ORDER, None, 64 * 32): lambda: table.build(light, ORDER),
+    }
+    rows += [_row(*what, seconds) for what, seconds in zip(frames, _medians(list(frames.values())), strict=True)]
     return Study(
-        "ldprt-timings",
+        "ldprt-timings" if head is None else "ldprt-timings-generated",
         "Times of LDPRT: what is done once an asset, and what is done in each frame",
-        f"{harmonics.threads()} threads. Simulation: {RAYS:,} rays a vertex, shadowed. Fits: four lobes, two restarts "
-        "at most. Shading: every vertex turned by a rotation of its own, three channels, medians of "
-        f"{ROUNDS} rounds; the bat is a membrane of one lobe and three bands; of the glossy head, n = 4, n_b = 3 and "
-        "N = 3, lobes are drawn at random, on which time does not depend. The paper shades what graphics hardware of "
-        "2005 has rasterised, all of it in each frame.",
-        ("what", "n", "N", "points", "seconds", "Hz"),
+        f"{harmonics.threads()} threads. Simulation: {RAYS:,} rays a vertex, shadowed. Fits: two restarts at most. "
+        "Shading: every vertex turned by a rotation of its own, three channels, medians of "
+        f"{ROUNDS} rounds in turns; the bat is a membrane of one lobe and three bands; of the glossy head, n = 4, "
+        "n_b = 3 and N = 3, lobes are drawn at random, on which time does not depend. The paper shades what graphics "
+        "hardware of 2005 has rasterised, and draws it too.",
+        ("step", "of", "n", "N", "points", "seconds", "Hz"),
         tuple(rows),
     )
+
+
+def _row(step: str, of: str, n: int, lobes: int | None, points: int, seconds: float) -> _Row:
+    return step, of, n, lobes, points, seconds, 1 / seconds
 
 
 def _simulated(shape: Any) -> Transfer:
@@ -112,12 +113,14 @@ def _membrane(normals: Array, light: Array) -> Callable[[], Any]:
     return lambda: shade.specialised(packed, light, table.build(light, 3), turns)
 
 
-def _rate(what: str, n: int, lobes: int | None, points: int, run: Callable[[], Any]) -> _Row:
-    run()
-    seconds: list[float] = []
-    for _ in range(ROUNDS):
-        start = time.perf_counter()
+def _medians(runs: list[Callable[[], Any]]) -> list[float]:
+    """Return the median seconds of each, their rounds in turns."""
+    seconds = np.empty((ROUNDS, len(runs)))
+    for run in runs:
         run()
-        seconds.append(time.perf_counter() - start)
-    median = float(np.median(seconds))
-    return what, n, lobes, points, median, 1 / median
+    for taken in seconds:
+        for i, run in enumerate(runs):
+            start = time.perf_counter()
+            run()
+            taken[i] = time.perf_counter() - start
+    return [float(median) for median in np.median(seconds, axis=0)]
