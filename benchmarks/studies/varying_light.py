@@ -53,7 +53,7 @@ class _Shape:
 
 
 @dataclass(frozen=True, eq=False)
-class _Lamp:
+class Lamp:
     """A sphere at a place (3,) that shines alike everywhere, with `radiance`."""
 
     place: Array
@@ -61,7 +61,7 @@ class _Lamp:
     radiance: float
 
     @classmethod
-    def beside(cls, position: Array) -> _Lamp:
+    def beside(cls, position: Array) -> Lamp:
         """Return a lamp in front of places (k, 3) and above, which gives their middle an irradiance of pi at most."""
         extent = np.ptp(position, axis=0).max()
         away = extent * np.array([0.0, -1.0, 0.6])
@@ -96,7 +96,7 @@ def varying_light() -> Study:
     shares = np.stack([1 - seen, seen])
     truth = (shares * [view.truth.mean for view in views]).sum(0)
     noise = ((shares * [view.truth.standard_error for view in views]) ** 2).sum(0)
-    lamp = _Lamp.beside(shape.position)
+    lamp = Lamp.beside(shape.position)
     near = lamp.vectors(shape.position) * _reflectance(views[0])
     sampled = _sampled(lamp, shape.position) * _reflectance(views[0])
     rows: list[tuple[str | float | bool | None, ...]] = []
@@ -186,7 +186,7 @@ def _unit(position: Array) -> Array:
     return (position - low) / (high - low)
 
 
-def _sampled(lamp: _Lamp, position: Array) -> Array:
+def _sampled(lamp: Lamp, position: Array) -> Array:
     """Return the lamp's light vectors as they are between places where light is sampled, trilinear."""
     from scipy.interpolate import RegularGridInterpolator
 
