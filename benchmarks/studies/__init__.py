@@ -88,6 +88,13 @@ def _shading() -> Study:
     return turning.shading()
 
 
+def _irradiance_9_terms() -> Study:
+    """Errors of nine-term irradiance under the captured lights, beside Ramamoorthi and Hanrahan 2001."""
+    from benchmarks.studies import irradiance
+
+    return irradiance.nine_terms()
+
+
 STUDIES: dict[str, Callable[[], Study]] = {
     "microfacet-orders": _microfacet_orders,
     "captured-energy": _captured_energy,
@@ -100,4 +107,5 @@ STUDIES: dict[str, Callable[[], Study]] = {
     "thin-membrane": _thin_membrane,
     "shading": _shading,
     "error-budget": _error_budget,
+    "irradiance-9-terms": _irradiance_9_terms,
 }
