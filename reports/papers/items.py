@@ -42,6 +42,13 @@ class Rule(StrEnum):
     HOLDS = "holds"
 
 
+class Take(StrEnum):
+    """What may be made of a column: how many entries hold, or the mean."""
+
+    COUNT = "count"
+    MEAN = "mean"
+
+
 class Law(StrEnum):
     """How one column follows another."""
 
@@ -64,6 +71,8 @@ class Value:
 
     Attributes
     ----------
+    take : Take or None
+        What is made of all rows that `where` leaves, in place of one of them.
     tolerance : float
         Absolute, or relative for "within".
     why : str
@@ -78,6 +87,7 @@ class Value:
     where: Where | None = None
     printed: Entry | None = None
     rule: Rule | None = None
+    take: Take | None = None
     tolerance: float = 0.0
     why: str = ""
     because: Because | None = None

@@ -12,7 +12,7 @@ import numpy as np
 from envbench.papers import Found
 from envbench.records import Study
 from reports.numerals import three
-from reports.papers.items import Because, Entry, Item, Kind, Law, Paper, Ratio, Rule, Trend, Value, Where
+from reports.papers.items import Because, Entry, Item, Kind, Law, Paper, Ratio, Rule, Take, Trend, Value, Where
 
 Cell = str | float | int | bool | None
 
@@ -203,8 +203,13 @@ def _told(where: Where | None) -> str:
 
 def _value(entry: Value, found: Found) -> Part:
     entries = _some(found, entry.where, entry.column)
+    places = [i for i, _ in entries]
     place, ours = entries[0]
     match entry.rule:
+        case _ if entry.take is Take.COUNT:
+            ours = sum(value is True for _, value in entries)
+        case _ if entry.take is Take.MEAN:
+            ours = sum(_number(value, entry.column) for _, value in entries) / len(entries)
         case Rule.HOLDS:
             if any(not isinstance(value, bool) for _, value in entries):
                 raise MissingEntry(f"column '{entry.column}' says neither holds nor differs")
@@ -218,8 +223,7 @@ def _value(entry: Value, found: Found) -> Part:
         case _:
             pass
     holds, rule, off = _held(entry, ours)
-    places = [i for i, _ in entries] if len(entries) > 1 and holds else [place]
-    sources = (_source(found, places, entry.column),)
+    sources = (_source(found, places if holds or entry.take else [place], entry.column),)
     if entry.rule is None:
         return Part(entry.what, entry.kind, entry.printed, ours, "", None, "", sources)
     if holds:
