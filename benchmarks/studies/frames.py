@@ -17,7 +17,7 @@ def frame_rate() -> Study:
     """Return the time of a frame's map, and of the image that looks it up."""
     light = environments.build({"kind": "captured", "name": "workshop"})
     sphere = geometry.build({"kind": "sphere"}, "sphere")
-    points, viewer = views.build({"kind": "image", "size": IMAGE}, sphere, "front")
+    points, viewer = views.build({**views.VIEWS["image"], "size": IMAGE}, sphere, "front")
     method, runs, orders = SHRMGlobal(eps=0.03, size=FACE), {}, {}
     for name in MATERIALS:
         material = materials.build(materials.MATERIALS[name], name)

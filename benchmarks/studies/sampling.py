@@ -17,8 +17,8 @@ from methods.shrm.coefficients import expand
 
 ORDERS = (5, 10, 20, 40)
 VIEW_ORDERS = (2, 4, 8)
-LEVELS = (0.03, 0.01)
-"""Error of bilinear lookup, RMS over the RMS of the highest degree's share that the map has: see `samples_per_order`."""
+LEVELS = (0.03, 0.01, 0.003)
+"""Errors of bilinear lookup, RMS over the RMS of the map."""
 POINTS = 4000
 
 
