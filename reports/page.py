@@ -79,9 +79,7 @@ def replaced(path: Path, page: str) -> Path:
         finally:
             part.unlink(missing_ok=True)
     except OSError as error:
-        raise BadInput(
-            f"cannot write '{path}': {error.strerror or error}. Name a writable file."
-        ) from error
+        raise BadInput(f"cannot write '{path}': {error.strerror or error}. Name a writable file.") from error
     return path
 
 
@@ -135,44 +133,48 @@ def _fill(
     for cell in cells:
         by_scene.get(cell.scene, []).append(cell)
     found, looks = verdicts(scenes, cells), marks(cells)
-    return environment().get_template("report.html").render(
-        run=run,
-        scenes=scenes,
-        cells=cells,
-        machine=_machine(run.machine),
-        counts=_counts(cells),
-        orphans=sorted({cell.scene for cell in cells} - set(by_scene)),
-        levels=LEVELS,
-        situations=SITUATIONS,
-        verdicts=(contested := competitions(found)),
-        alone=[verdict for verdict in found if verdict not in contested],
-        glance=glance(found),
-        hard=hard_cases(scenes, cells, looks),
-        hard_factor=FACTOR,
-        hard_level=LEVEL,
-        claims=claims(run.suite_text, scenes, cells),
-        held=held(scenes, cells),
-        close=CLOSE,
-        materials=materials(sheets),
-        studies=studies(tables),
-        reels=reels(films),
-        paper=(PAPER_ABOVE, PAPER_SAMPLES, PAPER_WORST),
-        marks=looks,
-        table=table(scenes, cells),
-        selectors=_selectors(scenes),
-        choosers=_choosers(scenes),
-        galleries=[
-            picture for i, scene in enumerate(scenes) if (picture := gallery(i, scene, by_scene[scene.name], step))
-        ],
-        colour_bar=Markup(colour_bar()),
-        troubles=_troubles(cells),
-        metrics=METRICS.values(),
-        nrmse_of=_nrmse_of,
-        settings_text=settings_text,
-        data=plot_data(scenes, cells),
-        style=style(),
-        script=Markup((_TEMPLATES / "report.js").read_text(encoding="utf-8")),
-        plotly=Markup(packed_plotly()),
+    return (
+        environment()
+        .get_template("report.html")
+        .render(
+            run=run,
+            scenes=scenes,
+            cells=cells,
+            machine=_machine(run.machine),
+            counts=_counts(cells),
+            orphans=sorted({cell.scene for cell in cells} - set(by_scene)),
+            levels=LEVELS,
+            situations=SITUATIONS,
+            verdicts=(contested := competitions(found)),
+            alone=[verdict for verdict in found if verdict not in contested],
+            glance=glance(found),
+            hard=hard_cases(scenes, cells, looks),
+            hard_factor=FACTOR,
+            hard_level=LEVEL,
+            claims=claims(run.suite_text, scenes, cells),
+            held=held(scenes, cells),
+            close=CLOSE,
+            materials=materials(sheets),
+            studies=studies(tables),
+            reels=reels(films),
+            paper=(PAPER_ABOVE, PAPER_SAMPLES, PAPER_WORST),
+            marks=looks,
+            table=table(scenes, cells),
+            selectors=_selectors(scenes),
+            choosers=_choosers(scenes),
+            galleries=[
+                picture for i, scene in enumerate(scenes) if (picture := gallery(i, scene, by_scene[scene.name], step))
+            ],
+            colour_bar=Markup(colour_bar()),
+            troubles=_troubles(cells),
+            metrics=METRICS.values(),
+            nrmse_of=_nrmse_of,
+            settings_text=settings_text,
+            data=plot_data(scenes, cells),
+            style=style(),
+            script=Markup((_TEMPLATES / "report.js").read_text(encoding="utf-8")),
+            plotly=Markup(packed_plotly()),
+        )
     )
 
 

@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from typing import Any
 
-
 from benchmarks.studies.clock import fastest
 from benchmarks.studies.prefiltering import EPS_ANGULAR, angular, by_sums, by_transforms, light
 from data_gen.lobes import Microfacet, Phong
@@ -36,9 +35,9 @@ def costs() -> Study:
     return Study(
         "prefiltering-costs",
         "Time of prefiltering against each size and order by itself",
-        f"Fastest of rounds in turns, {harmonics.threads()} threads, under the studio. Angular: the sum over the texels "
-        "in the cone; frequency: ducc0's transforms, or the paper's own separable sums. P stands as P + 1, as appendix "
-        "C says for its formulae. Predicted: the exponent in table 3.",
+        f"Fastest of rounds in turns, {harmonics.threads()} threads, under the studio. Angular: the sum over the "
+        "texels in the cone; frequency: ducc0's transforms, or the paper's own separable sums. P stands as P + 1, as "
+        "appendix C says for its formulae. Predicted: the exponent in table 3.",
         ("domain", "BRDF", "turned", "value", "predicted", "seconds"),
         tuple((*case, seconds) for case, seconds in found.items()),
     )
@@ -87,8 +86,8 @@ def _facets() -> Iterator[tuple[Case, Callable[[], Any]]]:
     for order in (4, *ORDERS[:-1]):
         if order < 64:
             yield ("frequency", "SHRM", "F", order, 1), synthesis(order, 2, 128)
-    for P in VIEW_ORDERS:
-        yield ("frequency", "SHRM", "P + 1", P + 1, 2), synthesis(16, P, 96)
+    for view_order in VIEW_ORDERS:
+        yield ("frequency", "SHRM", "P + 1", view_order + 1, 2), synthesis(16, view_order, 96)
     for size in SIZES:
         yield ("frequency", "SHRM", "S_B", size, 2), synthesis(12, 2, size)
 
@@ -98,8 +97,8 @@ def _facets() -> Iterator[tuple[Case, Callable[[], Any]]]:
         return lambda: explicit.views(kept, planes, views)
 
     for views in VIEWS:
-        yield ("frequency", "3D", "T", views, 2), table(2, views, 96)
-    for P in VIEW_ORDERS:
-        yield ("frequency", "3D", "P + 1", P + 1, 1), table(P, 10, 64)
+        yield ("frequency", "3D", "T", views, 2), table(2, views, 48)
+    for view_order in VIEW_ORDERS:
+        yield ("frequency", "3D", "P + 1", view_order + 1, 1), table(view_order, 10, 48)
     for size in SIZES:
-        yield ("frequency", "3D", "S_B", size, 2), table(2, 8, size)
+        yield ("frequency", "3D", "S_B", size, 2), table(2, 4, size)

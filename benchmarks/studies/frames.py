@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-
 from benchmarks.studies.clock import fastest
 from data_gen import environments, geometry, materials, views
 from envbench import harmonics
@@ -36,9 +35,9 @@ def frame_rate() -> Study:
     return Study(
         "shrm-frame-rate",
         f"Frames a second of the global SHRM, {FACE} x {FACE} x 6",
-        f"eps = .03. Map: eq. 12 for one viewer, all six faces with borders, in software, {harmonics.threads()} threads. "
-        f"Image: the sphere at {IMAGE} x {IMAGE} pixels, {len(points):,} of them hit, bicubic lookup in software, where the "
-        "paper's graphics hardware looks up. Fastest of rounds in turns.",
+        f"eps = .03. Map: eq. 12 for one viewer, all six faces with borders, in software, {harmonics.threads()} "
+        f"threads. Image: the sphere at {IMAGE} x {IMAGE} pixels, {len(points):,} of them hit, bicubic lookup in "
+        "software, where the paper's graphics hardware looks up. Fastest of rounds in turns.",
         ("material", "F", "P", "terms", "map (ms)", "maps a second", "image (ms)", "frames a second, image included"),
         rows,
     )

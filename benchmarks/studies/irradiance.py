@@ -42,9 +42,10 @@ def nine_terms() -> Study:
     return Study(
         "irradiance-9-terms",
         "Nine-term irradiance against the integral over the hemisphere",
-        f"Method irradiance-9 at {NORMALS:,} uniform normals against the deterministic quadrature, all channels. Average "
-        "and largest absolute error over the mean irradiance; energy error: squared error over the irradiance squared. "
-        f"Beside them the irradiance's own share of energy in l = 4, the first band left out, and the share of the clamped cosine's energy that l <= {ORDER} holds.",
+        f"Method irradiance-9 at {NORMALS:,} uniform normals against the deterministic quadrature, all channels. "
+        "Average and largest absolute error over the mean irradiance; energy error: squared error over the irradiance "
+        f"squared. Beside them the irradiance's own share of energy in l = 4, the first band left out, and the "
+        f"share of the clamped cosine's energy that l <= {ORDER} holds.",
         ("light", "average error", "largest error", "energy error", "energy in l = 4", "cosine's energy held"),
         tuple((*row, held) for row in rows),
     )

@@ -96,9 +96,9 @@ def phong_times() -> Study:
         "phong-prefiltering",
         f"Prefiltering for Phong lobes, S_L = S_B = {SIZE}, in both domains",
         f"Fastest of rounds in turns, {harmonics.threads()} threads, three channels, single precision, light: the "
-        f"studio. Angular: cone of eps = {EPS_ANGULAR:g}; frequency: F = 1 + sqrt(6 s) rounded up, by ducc0's transforms "
-        "and by the paper's separable sums. Less fixed: without what a map of 2 x 2 texels takes, the time to trace the "
-        "kernel. The lobe's coefficients are made once for all lights.",
+        f"studio. Angular: cone of eps = {EPS_ANGULAR:g}; frequency: F = 1 + sqrt(6 s) rounded up, by ducc0's "
+        "transforms and by the paper's separable sums. Less fixed: without what a map of 2 x 2 texels takes, the time "
+        "to trace the kernel. The lobe's coefficients are made once for all lights.",
         ("s", "F", "angular (s)", "angular less fixed (s)", "frequency (s)", "by the paper's sums (s)",
          "lobe's coefficients (s)", "ratio", "ratio by the paper's sums", "ratio with the lobe's coefficients"),
         tuple(rows),
@@ -107,7 +107,7 @@ def phong_times() -> Study:
 
 def crossover() -> Study:
     """Return the exponent at which both domains take equal time, by the light's size."""
-    rows: list[tuple[float | int | bool, ...]] = []
+    rows: list[tuple[str | float | int | bool, ...]] = []
     for size in CROSSINGS:
         shape = size, 2 * size
         radiance, predicted = light(*shape), size ** (4 / 3)
@@ -121,14 +121,28 @@ def crossover() -> Study:
             runs[i, "sums"] = by_sums(kept, radiance, shape)
             runs[i, "transforms"] = by_transforms(kept, radiance, shape)
         found = fastest(runs)
-        cost = {way: np.array([found[i, way] for i in range(len(exponents))]) for way in ("angular", "sums", "transforms")}
+        cost = {
+            way: np.array([found[i, way] for i in range(len(exponents))]) for way in ("angular", "sums", "transforms")
+        }
         for way, told in (("sums", "the paper's sums"), ("transforms", "ducc0's transforms")):
             crossing, inside = _crossing(exponents, cost["angular"] / cost[way])
-            rows.append((told, size, predicted, crossing, crossing / predicted, inside, float(exponents[0]), float(exponents[-1])))
+            rows.append(
+                (
+                    told,
+                    size,
+                    predicted,
+                    crossing,
+                    crossing / predicted,
+                    inside,
+                    float(exponents[0]),
+                    float(exponents[-1]),
+                )
+            )
     return Study(
         "prefiltering-crossover",
         "Phong exponent s* at which both domains take equal time",
-        "Beside S_L^(4/3) (RH 2002, sec. 6.3), S_B = S_L, maps of S x 2 S texels. The ratio of times is measured at five exponents; s* is where a "
+        "Beside S_L^(4/3) (RH 2002, sec. 6.3), S_B = S_L, maps of S x 2 S texels. The ratio of times is measured at "
+        "five exponents; s* is where a "
         "power law fitted to it crosses 1: within the measured exponents, or beyond them.",
         ("way", "S_L", "S_L^(4/3)", "s*", "s* / S_L^(4/3)", "within the measured", "least s", "largest s"),
         tuple(rows),
@@ -168,11 +182,11 @@ def facet_times() -> Study:
     return Study(
         "facet-prefiltering",
         f"Prefiltering for the simplified microfacet, T_B = {VIEWS}, S_L = S_B = {SIZE}, in both domains",
-        f"Least orders for eps = {EPS_FACETS:g}, and times of {VIEWS**2} maps. Angular: {images} of the {VIEWS**2} maps "
-        f"are made and timed, and count {VIEWS**2 // images} times: the cone, and so the time, is that of every view. "
-        "Frequency: fastest of rounds in turns; the SHRM from the light, and all maps from it.",
+        f"Least orders for eps = {EPS_FACETS:g}, and times of {VIEWS**2} maps. Angular: {images} of the {VIEWS**2} "
+        f"maps are made and timed, and count {VIEWS**2 // images} times: the cone, and so the time, is that of every "
+        "view. Frequency: fastest of rounds in turns; the SHRM from the light, and all maps from it.",
         ("sigma (rad)", "F", "P", "angular (s)", "angular, a map (s)", "frequency (s)", "SHRM (s)",
          "ratio", "a map over the SHRM", "SHRM faster than a map", "lobe's coefficients (s)"),
         tuple(rows),
-        (f"All {VIEWS**2} angular maps at sigma = {SIGMAS[0]:g} took {whole:.3g} s, beside the {rows[0][3]:.3g} s told.",),
+        (f"All {VIEWS**2} angular maps at sigma = {SIGMAS[0]:g} took {whole:.3g} s; told are {rows[0][3]:.3g} s.",),
     )  # fmt: skip

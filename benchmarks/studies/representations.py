@@ -106,13 +106,13 @@ def _study(made: dict[str, Made], times: dict[str, float], decoding: dict[str, f
         f"{FACTORS} factors; {POINTS:,} uniform (R, V) read, the software of this project. Error: NRMSE against the "
         "whole sum over the light's texels. "
         f"Compact: at most {COMPACT:g} of the table's bytes. Rendering: a point takes at most {FEW:g} times the "
-        "SHRM's numbers; maybe: once decoded, into all of the table's memory. Analysis: theory tells the error beforehand; *: a comparison with "
-        f"the dense table does. Speed: made in at most {RAPID:g} of the table's time.",
-        ("representation", "bytes", "numbers a point", "to make (ms)", "to decode (ms)", "to read (ms)", "error predicted",
-         "error against the table", "error", "compact", "rendering", "analysis", "speed"),
+        "SHRM's numbers; maybe: once decoded, into all of the table's memory. Analysis: theory tells the error "
+        f"beforehand; *: a comparison with the dense table does. Speed: made in at most {RAPID:g} of the table's time.",
+        ("representation", "bytes", "numbers a point", "to make (ms)", "to decode (ms)", "to read (ms)",
+         "error predicted", "error against the table", "error", "compact", "rendering", "analysis", "speed"),
         tuple(rows),
         (f"The frequency forms keep what the paper keeps, all but {EPS:g} of the BRDF's energy; the table is finer.",
-         "The coefficients' many terms are summed by ducc0's non-uniform transform, in less time than their number says.",
+         "The coefficients' many terms are summed by ducc0's non-uniform transform, faster than their number says.",
          "Whether a form is simple is no quantity: that column of the paper's table is not judged.",),
     )  # fmt: skip
 
@@ -134,7 +134,9 @@ def _compressed(table: NDArray[np.float32], seconds: float, centre: Any, points:
     texels = table.reshape(-1, table[0, 0].size)
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", "One of the clusters is empty")
-        (codes, index), more = timed(lambda: kmeans2(texels, CODES, iter=8, minit="points", rng=np.random.default_rng(0)))
+        (codes, index), more = timed(
+            lambda: kmeans2(texels, CODES, iter=8, minit="points", rng=np.random.default_rng(0))
+        )
     index = index.astype(np.uint8)
 
     def decode() -> NDArray[np.float32]:

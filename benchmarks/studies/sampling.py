@@ -37,8 +37,8 @@ def samples_per_order() -> Study:
         "samples-per-order",
         "Samples that bilinear lookup needs, over the orders F and P",
         f"Least S at which a map of S x 2 S texels, looked up bilinearly at {POINTS:,} uniform directions, errs by at "
-        "most a level (RMS over RMS): Phong lobes whose F leaves out .01, under the studio. Least T alike, of T x T view "
-        "directions, for the microfacet of sigma = .2 kept to P, F = 20.",
+        "most a level (RMS over RMS): Phong lobes whose F leaves out .01, under the studio. Least T alike, of T x T "
+        "view directions, for the microfacet of sigma = .2 kept to P, F = 20.",
         ("of", "order", "level", "samples", "samples over order"),
         tuple(rows),
     )

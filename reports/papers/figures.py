@@ -27,9 +27,16 @@ def figure(plot: Plot, found: Found) -> dict[str, Any]:
         look = _COLOURS[number % len(_COLOURS)]
         traces.append({"name": name, "x": x, "y": y, **_drawn(plot.style, look, _SYMBOLS[number % len(_SYMBOLS)])})
     for number, points in enumerate(plot.printed):
-        marker = {"symbol": _SYMBOLS[number % len(_SYMBOLS)] + "-open", "size": 11, "color": "#1b1f24", "line": {"width": 2}}
+        marker = {
+            "symbol": _SYMBOLS[number % len(_SYMBOLS)] + "-open",
+            "size": 11,
+            "color": "#1b1f24",
+            "line": {"width": 2},
+        }
         name = str(escape(points.name))
-        traces.append({"name": name, "x": points.x, "y": points.y, "type": "scatter", "mode": "markers", "marker": marker})
+        traces.append(
+            {"name": name, "x": points.x, "y": points.y, "type": "scatter", "mode": "markers", "marker": marker}
+        )
     layout = {
         "font": {"family": "system-ui, sans-serif", "size": 14, "color": "#1b1f24"},
         "paper_bgcolor": "#ffffff",

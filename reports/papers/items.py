@@ -280,7 +280,7 @@ def item(path: Path) -> Item:
         entries = _list(table.pop(key, []), f"{what}: [[{key}]]")
         return tuple(_construct(kind, entry, f"{what}: [[{key}]] {i}") for i, entry in enumerate(entries, 1))
 
-    lists = {"values": several("values", Value), "trends": several("trends", Trend)}
+    lists: dict[str, Any] = {"values": several("values", Value), "trends": several("trends", Trend)}
     lists |= {"ratios": several("ratios", Ratio), "plots": several("plots", Plot)}
     header = construct(Header, table, what)
     judged = [v for v in lists["values"] if v.rule] + [*lists["trends"]]
@@ -289,7 +289,7 @@ def item(path: Path) -> Item:
         raise BadInput(
             f"{what} judges nothing: give it [[values]] with a rule, [[trends]], or [[ratios]] with low or high."
         )
-    return Item(**vars(header), file=path, **lists)
+    return Item(header.item, header.title, header.study, header.text, header.substitute, header.source, path, **lists)
 
 
 _INNER: dict[type[Any], dict[str, type[Any]]] = {

@@ -45,7 +45,13 @@ def latex(judged: Judged) -> str:
     lines = [f"% {item.item}: {item.title}. Needs \\usepackage{{booktabs}}."]
     lines += [f"% {part.what}: {source}" for part in judged.parts for source in part.sources]
     compared = [
-        (part.what, printed(part), worded(part.ours), part.verdict or "shown", ". ".join(filter(None, (part.rule, part.words))))
+        (
+            part.what,
+            printed(part),
+            worded(part.ours),
+            part.verdict or "shown",
+            ". ".join(filter(None, (part.rule, part.words))),
+        )
         for part in judged.parts
     ]
     caption = f"{item.item}. {item.title}: {judged.verdict}"
@@ -61,9 +67,7 @@ def latex(judged: Judged) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _table(
-    headings: Sequence[str], rows: Sequence[Sequence[str]], shape: str, caption: str, label: str
-) -> list[str]:
+def _table(headings: Sequence[str], rows: Sequence[Sequence[str]], shape: str, caption: str, label: str) -> list[str]:
     def row(entries: Sequence[str]) -> str:
         return "    " + " & ".join(map(escaped, entries)) + r" \\"
 
@@ -81,7 +85,9 @@ def comparisons(judged: Judged) -> str:
     for part in judged.parts:
         at = "; ".join(map(str, part.sources))
         verdict = part.verdict or "shown"
-        rows.append((judged.item.item, part.what, part.kind, part.printed, part.ours, part.rule, verdict, part.words, at))
+        rows.append(
+            (judged.item.item, part.what, part.kind, part.printed, part.ours, part.rule, verdict, part.words, at)
+        )
     return _csv((*headings, "from"), rows)
 
 

@@ -91,4 +91,6 @@ def _data(judged: JudgedPaper) -> str:
 def _runs(judged: JudgedPaper) -> list[tuple[str, str, str, str]]:
     """Return the runs behind a page: id, commit, when, where."""
     runs = {entry.found.run.id: entry.found.run for entry in judged.items if entry.found}
-    return [(run.id, run.commit, numerals.moment(run.started), str(run.machine.get("cpu", ""))) for run in runs.values()]
+    return [
+        (run.id, run.commit, numerals.moment(run.started), str(run.machine.get("cpu", ""))) for run in runs.values()
+    ]

@@ -18,7 +18,9 @@ def show(paper: Paper, found: Mapping[str, Found]) -> bool:
     from rich.text import Text
 
     judged = judge(paper, found)
-    grid = Table("item", "printed", "ours", "verdict", "how", title=paper.title, header_style="bold", title_justify="left")
+    grid = Table(
+        "item", "printed", "ours", "verdict", "how", title=paper.title, header_style="bold", title_justify="left"
+    )
     for entry in judged.items:
         verdict = Text(entry.verdict, style=_STYLES.get(entry.verdict, "green"))
         told = entry.words if not entry.parts or entry.substituted else ""

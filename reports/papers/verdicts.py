@@ -114,7 +114,9 @@ def _item(item: Item, found: Mapping[str, Found]) -> Judged:
         parts = _parts(item, main)
         verdicts = [part.verdict for part in parts if part.verdict]
         worst = max(verdicts, key=list(Verdict).index)
-        words = "; ".join(f"{p.what}: {p.words}" for p in parts if p.verdict is worst and p.words) if _bad(worst) else ""
+        words = (
+            "; ".join(f"{p.what}: {p.words}" for p in parts if p.verdict is worst and p.words) if _bad(worst) else ""
+        )
         return Judged(item, worst, words, parts, main)
     if not main.study.needs_data:
         return Judged(item, Verdict.FAILED, main.study.reason, (), main)
@@ -163,7 +165,7 @@ def rows(study: Study, where: Where | None) -> list[int]:
 
 
 def _same(ours: Cell, wanted: Entry) -> bool:
-    if isinstance(ours, bool) or isinstance(wanted, bool) or isinstance(ours, str) or isinstance(wanted, str):
+    if isinstance(ours, bool | str) or isinstance(wanted, bool | str):
         return type(ours) is type(wanted) and ours == wanted
     return ours is not None and math.isclose(ours, wanted, rel_tol=1e-9, abs_tol=1e-12)
 
@@ -239,7 +241,7 @@ def _held(entry: Value, ours: Cell) -> tuple[bool, str, str]:
         return True, "", ""
     if entry.rule is Rule.HOLDS:
         return ours is True, "holds", "does not hold"
-    if isinstance(printed, str) or isinstance(printed, bool) or isinstance(ours, str) or isinstance(ours, bool):
+    if isinstance(printed, str | bool) or isinstance(ours, str | bool):
         return ours == printed, "equal", f"{ours} instead of {printed}"
     assert printed is not None
     ours = _number(ours, entry.column)
@@ -325,7 +327,9 @@ def _trend(entry: Trend, found: Found) -> Part:
     if entry.law is not Law.POWER:
         sign = -1 if entry.law is Law.FALLS else 1
         steps = [(x1, sign * (y1 - y0), abs(y0)) for y0, y1, x1 in zip(y, y[1:], x[1:], strict=False)]
-        wrong = [f"at {entry.x} = {x1:g} by {three(-d)}" for x1, d, size in steps if d <= -entry.slack * size and d <= 0]
+        wrong = [
+            f"at {entry.x} = {x1:g} by {three(-d)}" for x1, d, size in steps if d <= -entry.slack * size and d <= 0
+        ]
         rule = f"{entry.law.value} with {entry.x}" + (f", steps back up to {entry.slack:.0%}" if entry.slack else "")
         ours = f"{three(y[0])} → {three(y[-1])}"
         printed = f"{entry.printed.y[0]:g} → {entry.printed.y[-1]:g}" if entry.printed else None
@@ -350,7 +354,9 @@ def _trend(entry: Trend, found: Found) -> Part:
     words = interval
     if not holds:
         edge = entry.low if ours.exponent < entry.low else entry.high
-        words = _differs(f"by {three(ours.exponent - edge)} from the range ({interval})", entry.why, entry.because, found)
+        words = _differs(
+            f"by {three(ours.exponent - edge)} from the range ({interval})", entry.why, entry.because, found
+        )
     return Part(entry.what, entry.kind, printed, ours.exponent, rule, _trend_verdict(holds), words, sources)
 
 

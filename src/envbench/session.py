@@ -66,9 +66,7 @@ def run(options: Options, progress: Progress, began: float | None = None) -> Run
     return carry_out(asked, options, progress, began)
 
 
-def carry_out(
-    asked: suite.SuiteFile, options: Options, progress: Progress, began: float | None = None
-) -> RunInfo:
+def carry_out(asked: suite.SuiteFile, options: Options, progress: Progress, began: float | None = None) -> RunInfo:
     """Run a suite that was read already: see `run`."""
     writable(options.out)
     bench = root.load(options.root)
