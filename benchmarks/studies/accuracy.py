@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from data_gen import environments, materials
 from data_gen.external import locate
 from data_gen.lobes import Phong
+from data_gen.measured import curet as measured_curet
 from envbench import harmonics, latlong
 from envbench.environment import Environment
 from envbench.errors import NeedsData
@@ -16,7 +19,7 @@ from methods.angular.prefilter import prefilter
 from methods.shrm import maps, predictions
 from methods.shrm.coefficients import captured, expand
 
-GRACE = "environments/grace.exr"
+GRACE, CURET = "environments/grace.exr", "brdfs/curet"
 EXPONENT, ORDER, BEYOND = 32.0, 30, 127
 """Of figure 6; what the light and the lobe are followed to beyond it."""
 ROWS = 64
@@ -75,7 +78,14 @@ def _by_order(name: str, told: str, light: Environment) -> Study:
 def curet() -> Study:
     """Return figure 8: what F = 30 holds of each CUReT sample, by P."""
     names = sorted(name for name in materials.MATERIALS if name.startswith("curet-"))
-    return _by_view_order("curet-accuracy", "the 61 samples of CUReT", names, EXCEPTIONS)
+    folder = locate(CURET)
+    return _by_view_order(
+        "curet-accuracy",
+        "the 61 samples of CUReT",
+        names,
+        EXCEPTIONS,
+        lambda number: measured_curet.fit(folder, number).residual,
+    )
 
 
 def presets() -> Study:
@@ -90,22 +100,29 @@ def presets() -> Study:
     return _by_view_order("preset-accuracy", "the project's own materials (not CUReT)", names)
 
 
-def _by_view_order(name: str, told: str, names: list[str], exceptions: tuple[int, ...] = ()) -> Study:
-    rows: list[tuple[int | str | float | bool, ...]] = []
+def _by_view_order(
+    name: str,
+    told: str,
+    names: list[str],
+    exceptions: tuple[int, ...] = (),
+    residual: Callable[[int], float | None] = lambda number: None,
+) -> Study:
+    rows: list[tuple[int | str | float | bool | None, ...]] = []
     for number, one in enumerate(names, 1):
         material = materials.build(materials.MATERIALS[one], one)
         power = np.array([float(expand(lobe, 0.5, 0, 0).total) for lobe in material.lobes])
         held = power / power.sum() @ np.array([captured(lobe, ORDER, VIEW_ORDERS) for lobe in material.lobes])
         judged = bool(held[-1] > 0.9), bool(held[3] > 0.95), number in exceptions
-        rows.append((number, one, *(float(e) for e in held), *judged))
-    above, close = sum(bool(row[-3]) for row in rows), sum(bool(row[-2]) for row in rows)
-    low = [str(row[1]) for row in rows if not row[-3]]
+        rows.append((number, one, *(float(e) for e in held), *judged, residual(number)))
+    above, close = sum(bool(row[-4]) for row in rows), sum(bool(row[-3]) for row in rows)
+    low = [str(row[1]) for row in rows if not row[-4]]
     return Study(
         name,
         f"Energy that F = {ORDER} holds of {told}, by P",
-        "Share of the energy of the BRDF about R, pooled over channels and lobes.",
+        "Share of the energy of the BRDF about R, pooled over channels and lobes. Residual: what an isotropic "
+        "fit leaves of the measurements, RMS over RMS.",
         ("number", "sample", *(f"P = {P}" for P in range(VIEW_ORDERS + 1)), "above 90 % at P = 5",
-         "above 95 % at P = 3", "exception in fig. 8"),
+         "above 95 % at P = 3", "exception in fig. 8", "residual of the fit"),
         tuple(rows),
         (f"Above 90 % at P = 5: {above} of {len(rows)}; below: {', '.join(low) or 'none'}.",
          f"Above 95 % at P = 3: {close} of {len(rows)}."),

@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.studies.prefiltering import light
-from data_gen.lobes import Microfacet, Phong
+from data_gen.lobes import Phong
 from envbench import harmonics, latlong
 from envbench.directions import Array, from_angles, to_angles, uniform
+from envbench.material import Centre
+from envbench.real_harmonics import basis
 from envbench.records import Study
 from methods.shrm import explicit, maps
 from methods.shrm.coefficients import expand
@@ -19,7 +20,7 @@ ORDERS = (5, 10, 20, 40)
 VIEW_ORDERS = (2, 4, 8)
 LEVELS = (0.03, 0.01, 0.003)
 """Errors of bilinear lookup, RMS over the RMS of the map."""
-POINTS = 4000
+POINTS, FUNCTIONS = 4000, 64
 
 
 def samples_per_order() -> Study:
@@ -38,7 +39,7 @@ def samples_per_order() -> Study:
         "Samples that bilinear lookup needs, over the orders F and P",
         f"Least S at which a map of S x 2 S texels, looked up bilinearly at {POINTS:,} uniform directions, errs by at "
         "most a level (RMS over RMS): Phong lobes whose F leaves out .01, under the studio. Least T alike, of T x T "
-        "view directions, for the microfacet of sigma = .2 kept to P, F = 20.",
+        f"view directions, for {FUNCTIONS} functions of the view with random coefficients of equal power up to P.",
         ("of", "order", "level", "samples", "samples over order"),
         tuple(rows),
     )
@@ -59,16 +60,14 @@ def _map(F: int, at: Array) -> tuple[Callable[[int], Array], Array]:
 
 
 def _views(P: int, at: Array) -> tuple[Callable[[int], Array], Array]:
-    kept = expand(Microfacet(sigma=0.2, clipped=False), 0.03, 20, P)
-    planes = maps.synthesise(kept, harmonics.analyse(light(128, 256), 20), 16)
-    few = planes.reshape(3, planes.shape[1], -1)[:, :, ::37].astype(float)  # some central directions
+    coefficients = np.random.default_rng(P).normal(size=((P + 1) ** 2, FUNCTIONS))
     theta, phi = to_angles(at)
 
-    def seen(views: NDArray[np.float64]) -> Array:
-        return np.einsum("ckn,kv->vcn", few, maps.basis(kept, views), optimize=True)
+    def seen(views: Array) -> Array:
+        return basis(P, views).T @ coefficients
 
     def read(samples: int) -> Array:
-        polar = explicit.polar_nodes(kept.centre, samples)
+        polar = explicit.polar_nodes(Centre.REFLECTION, samples)
         azimuth = 2 * np.pi * np.arange(samples) / samples
         nodes = seen(from_angles(polar[:, None], azimuth).reshape(-1, 3)).reshape(samples, samples, -1)
         y, x = theta / polar[1], phi / azimuth[1]
@@ -78,7 +77,7 @@ def _views(P: int, at: Array) -> tuple[Callable[[int], Array], Array]:
         top = nodes[i, j] * (1 - fx) + nodes[i, right] * fx
         return top * (1 - fy) + (nodes[i + 1, j] * (1 - fx) + nodes[i + 1, right] * fx) * fy
 
-    return read, seen(at).reshape(len(at), -1)
+    return read, seen(at)
 
 
 def _least(read: Callable[[int], Array], exact: Array, level: float, order: int) -> tuple[int | None, float | None]:

@@ -318,7 +318,8 @@ def fit(x: Sequence[float], y: Sequence[float]) -> Fit:
 def _trend(entry: Trend, found: Found) -> Part:
     xs = dict(_some(found, entry.where, entry.x))
     ys = dict(_some(found, entry.where, entry.y))
-    pairs = sorted((_number(x, entry.x), _number(ys[i], entry.y), i) for i, x in xs.items() if ys[i] is not None)
+    there = [i for i, x in xs.items() if x is not None and ys[i] is not None]
+    pairs = sorted((_number(xs[i], entry.x), _number(ys[i], entry.y), i) for i in there)
     pairs = [pair for pair in pairs if _between(pair[0], entry)]
     if len(pairs) < 2:
         raise MissingEntry(f"study '{found.study.name}' has fewer than two rows with {_told(entry.where)}")
