@@ -182,6 +182,97 @@ def _ldprt_timings_generated() -> Study:
     return ldprt_timings.timings(RELIEF, SHEET)
 
 
+def _irradiance_9_terms() -> Study:
+    """Errors of nine-term irradiance under the captured lights, beside Ramamoorthi and Hanrahan 2001."""
+    from benchmarks.studies import irradiance
+
+    return irradiance.nine_terms()
+
+
+def _representations() -> Study:
+    """Bytes, times, terms and errors of five representations of a light field, beside table 2 of RH 2002."""
+    from benchmarks.studies import representations
+
+    return representations.representations()
+
+
+def _prefiltering_costs() -> Study:
+    """Time of prefiltering against each size and order by itself, beside table 3 of RH 2002."""
+    from benchmarks.studies import complexity
+
+    return complexity.costs()
+
+
+def _phong_prefiltering() -> Study:
+    """Times of both domains for Phong lobes, beside table 4 of RH 2002."""
+    from benchmarks.studies import prefiltering
+
+    return prefiltering.phong_times()
+
+
+def _prefiltering_crossover() -> Study:
+    """Phong exponent at which both domains take equal time, beside S_L^(4/3)."""
+    from benchmarks.studies import prefiltering
+
+    return prefiltering.crossover()
+
+
+def _facet_prefiltering() -> Study:
+    """Orders and times of both domains for the simplified microfacet, beside table 5 of RH 2002."""
+    from benchmarks.studies import prefiltering
+
+    return prefiltering.facet_times()
+
+
+def _accuracy_by_order() -> Study:
+    """Accuracy of an order F approximation and its estimates under the Grace Cathedral: figure 6 of RH 2002."""
+    from benchmarks.studies import accuracy
+
+    return accuracy.grace()
+
+
+def _accuracy_by_order_workshop() -> Study:
+    """The same under a light that the project ships."""
+    from benchmarks.studies import accuracy
+
+    return accuracy.workshop()
+
+
+def _curet_accuracy() -> Study:
+    """Energy that F = 30 holds of each CUReT sample by P: figure 8 of RH 2002."""
+    from benchmarks.studies import accuracy
+
+    return accuracy.curet()
+
+
+def _preset_accuracy() -> Study:
+    """The same of the materials that need no data."""
+    from benchmarks.studies import accuracy
+
+    return accuracy.presets()
+
+
+def _samples_per_order() -> Study:
+    """Samples that explicit maps need for their orders, beside S ~ 10 F and T ~ 10 P."""
+    from benchmarks.studies import sampling
+
+    return sampling.samples_per_order()
+
+
+def _radial_orders() -> Study:
+    """Orders of Phong and Lambertian lobes beside the closed forms of RH 2002."""
+    from benchmarks.studies import radial_orders
+
+    return radial_orders.radial_orders()
+
+
+def _shrm_frame_rate() -> Study:
+    """Frames a second of the global SHRM at 64 x 64 x 6, beside sec. 7.5 of RH 2002."""
+    from benchmarks.studies import frames
+
+    return frames.frame_rate()
+
+
 STUDIES: dict[str, Callable[[], Study]] = {
     "microfacet-orders": _microfacet_orders,
     "captured-energy": _captured_energy,
@@ -207,4 +298,17 @@ STUDIES: dict[str, Callable[[], Study]] = {
     "glossy-patch": _glossy_patch,
     "ldprt-timings": _ldprt_timings,
     "ldprt-timings-generated": _ldprt_timings_generated,
+    "irradiance-9-terms": _irradiance_9_terms,
+    "representations": _representations,
+    "prefiltering-costs": _prefiltering_costs,
+    "phong-prefiltering": _phong_prefiltering,
+    "prefiltering-crossover": _prefiltering_crossover,
+    "facet-prefiltering": _facet_prefiltering,
+    "accuracy-by-order": _accuracy_by_order,
+    "accuracy-by-order-workshop": _accuracy_by_order_workshop,
+    "curet-accuracy": _curet_accuracy,
+    "preset-accuracy": _preset_accuracy,
+    "samples-per-order": _samples_per_order,
+    "radial-orders": _radial_orders,
+    "shrm-frame-rate": _shrm_frame_rate,
 }

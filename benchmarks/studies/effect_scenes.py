@@ -53,9 +53,7 @@ _INTO = {"kind": "image", "size": 96, "direction": [0.1, -0.2, 1.0]}
 _BETWEEN = {"kind": "vertices"}
 
 
-def _known(
-    name: str, light: Any, material: Table, geometry: Any, view: Table, effects: set[Effect], why: str
-) -> Known:
+def _known(name: str, light: Any, material: Table, geometry: Any, view: Table, effects: set[Effect], why: str) -> Known:
     found = CATALOGUE.lights[light] if isinstance(light, str) else light
     shape = CATALOGUE.geometries[geometry] if isinstance(geometry, str) else geometry
     return Known(name, found, material, shape, view, frozenset(effects), why)
