@@ -52,13 +52,10 @@ class Scale:
 
 
 @dataclass(frozen=True)
-class Outline:
-    """A frame about the tiles of some rows and columns, ends included."""
+class Border:
+    """A line drawn between tiles through `corners` (row, column), each the one above and left of the tile there."""
 
-    top: int
-    left: int
-    bottom: int
-    right: int
+    corners: tuple[tuple[int, int], ...]
     colour: tuple[int, int, int] = (222, 166, 0)
 
 
@@ -119,7 +116,7 @@ def compose(
     labels: Sequence[str] = (),
     notes: Sequence[str] = (),
     scale: Scale | None = None,
-    outlines: Sequence[Outline] = (),
+    borders: Sequence[Border] = (),
 ) -> bytes:
     """Lay tiles out and return the PNG, the same bytes for the same pixels.
 
@@ -133,7 +130,8 @@ def compose(
         Below all, e.g. how radiance became colours.
     scale : Scale, optional
         Drawn as a bar, where some tiles are differences.
-    outlines : sequence of Outline
+    borders : sequence of Border
+        For sheets without captions.
     """
     from PIL import Image, ImageDraw, ImageFont
 
@@ -172,10 +170,10 @@ def compose(
                 at = across[i] + (width[i] - tile.pixels.shape[1]) // 2
                 sheet.paste(Image.fromarray(tile.pixels), (at, tops[number]))
                 write(captions[number][i], across[i] + width[i] / 2, tops[number] + tile.pixels.shape[0] + 2)
-    for o in outlines:
-        bottom = tops[o.bottom] + max(t.pixels.shape[0] for t in rows[o.bottom] if t)
-        box = (across[o.left] - 4, tops[o.top] - 4, across[o.right] + width[o.right] + 3, bottom + 3)
-        draw.rectangle(box, outline=o.colour, width=3)
+    down = [*tops, y]
+    for border in borders:
+        line_of = [(across[column] - GAP / 2, down[row] - GAP / 2) for row, column in border.corners]
+        draw.line(line_of, fill=border.colour, width=3, joint="curve")
     if scale:
         _bar(sheet, draw, font, scale, (MARGIN, y))
     write(feet, MARGIN, foot, "la")
