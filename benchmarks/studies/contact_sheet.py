@@ -84,8 +84,11 @@ def signed(difference: NDArray[np.floating], limit: float) -> Pixels:
 
 
 def round_limit(differences: Sequence[NDArray[np.floating]]) -> float:
-    """Return the 1-2-5 step above the 99th percentile of the largest of differences (H, W, 3), channels averaged."""
-    high = max(float(np.nanpercentile(np.abs(d.mean(-1)), 99)) for d in differences)
+    """Return a scale's end for differences (H, W, 3): the 1-2-5 step above the middle one's 99th percentile.
+
+    The worst would turn all others white, and the best would saturate them all.
+    """
+    high = float(np.median([np.nanpercentile(np.abs(d.mean(-1)), 99) for d in differences]))
     if not high > 0:
         return 0.01
     decade = 10.0 ** math.floor(math.log10(high))

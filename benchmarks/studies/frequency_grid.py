@@ -129,7 +129,7 @@ def _power(alm: harmonics.Coefficients) -> Array:
     """Return the energy of each degree, all channels together; only m >= 0 is stored, and m > 0 counts twice."""
     l, m = harmonics.degrees(HIGHEST)
     each = (np.abs(alm) ** 2).sum(0) * np.where(m == 0, 1.0, 2.0)
-    return np.bincount(l, each, HIGHEST + 1)
+    return np.bincount(l, each, HIGHEST + 1).astype(float)
 
 
 def _order(energy: Array) -> int:

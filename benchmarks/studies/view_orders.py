@@ -5,11 +5,12 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from benchmarks.studies.contact_sheet import Scale, Tile, compose, exposed, percent, round_limit, signed, toned
 from benchmarks.studies.rendered import GRACE, error, rendered, scene
 from envbench.catalogue import Spec
-from envbench.directions import from_angles, normalised, to_angles
+from envbench.directions import Array, from_angles, normalised, to_angles
 from envbench.geometry import Points
 from envbench.records import Picture, Study
 from envbench.reference import ReferenceSettings
@@ -36,7 +37,7 @@ def figure_7(name: str, light: str | Spec = GRACE, of: str = "Grace Cathedral", 
     rows: list[tuple[str | int | float | bool, ...]] = []
     sheet: list[list[Tile]] = []
     labels: list[str] = []
-    shots: dict[str, list[np.ndarray[tuple[int, ...], np.dtype[np.float64]]]] = {}
+    shots: dict[str, list[Array]] = {}
     for view, asked in {**{v: _from_view(sphere, *angles) for v, angles in VIEWS.items()}, AVERAGE: average}.items():
         truth = reference(asked, settings)
         for P in VIEW_ORDERS:
@@ -48,7 +49,7 @@ def figure_7(name: str, light: str | Spec = GRACE, of: str = "Grace Cathedral", 
     images = {view: [sphere.points.image(values) for values in shots[view]] for view in VIEWS}
     differences = {view: [(i - same[-1]) / _rms(same[-1]) for i in same[:-1]] for view, same in images.items()}
     stops = exposure(np.concatenate([shots[view][-1] for view in VIEWS]))
-    scale = Scale(round_limit([d for all_of in differences.values() for d in all_of[1:]]), "RMS radiances of the image")
+    scale = Scale(round_limit([d for all_of in differences.values() for d in all_of]), "RMS radiances of the image")
     for view, same in images.items():
         errors = [row[3] for row in rows if row[1] == view]
         sheet.append([Tile(exposed(image, stops)) for image in same])
@@ -70,7 +71,8 @@ def figure_7(name: str, light: str | Spec = GRACE, of: str = "Grace Cathedral", 
     return Study(
         name,
         f"Images by the view's order P: simplified microfacet, sigma = 0.2, under {of}",
-        f"RH 2002, figure 7: SHRM with F = {ORDER}, S = {ROWS} and P = 0 ... 5 against Mitsuba, the whole lobe of eq. 11. "
+        f"RH 2002, figure 7: SHRM with F = {ORDER}, S = {ROWS} and P = 0 ... 5 against Mitsuba, with the whole lobe of "
+        "eq. 11. "
         "The BRDF's captured energy is what the paper estimates accuracy by: the energy error, NRMSE squared, should "
         "not be above what the BRDF lacks. At one view that need not hold, over uniform R and V it does on average.",
         ("P", "view", "BRDF energy", "NRMSE", "energy error", "within the estimate"),
@@ -99,5 +101,5 @@ def _from_view(sphere: Scene, theta_o: float, phi_o: float) -> Scene:
     return replace(sphere, points=points, viewer=None)
 
 
-def _rms(image: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> float:
+def _rms(image: NDArray[np.floating]) -> float:
     return float(np.sqrt(np.nanmean(image**2)))
