@@ -23,7 +23,7 @@ from references import reference
 
 ORDER, VIEW_ORDER, FIBRE_ORDER, SIZE = 30, 5, 8, 64
 """F and P that the paper finds to suffice (sec. 7.2), P of its fibres (7.1), and its 64 x 64 x 6 texels (7.5)."""
-TOWARDS, FOV = (0.5, -0.84, 0.2), 70.0
+TOWARDS, FOV = (0.4, 0.88, 0.15), 70.0
 """Where the viewer is, and the degrees that the picture's background spans."""
 FRAMES, JUDGED = 5, 2048
 """Frames that are timed, and points at which errors are taken."""
