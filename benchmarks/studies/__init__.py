@@ -273,6 +273,113 @@ def _shrm_frame_rate() -> Study:
     return frames.frame_rate()
 
 
+def _rh_figure_1() -> Study:
+    """Five materials under four light probes on the armadillo, as figure 1 of RH 2002."""
+    from benchmarks.studies import gallery
+
+    return gallery.figure_1("rh-figure-1")
+
+
+def _rh_figure_1_shipped() -> Study:
+    """Five analytic materials under four lights that need no data, on a vase, for figure 1 of RH 2002."""
+    from benchmarks.studies import gallery
+
+    return gallery.figure_1("rh-figure-1-shipped", gallery.SHIPPED, gallery.ANALYTIC, "vase")
+
+
+def _rh_figure_5() -> Study:
+    """Light blur by BRDF blur under the Grace Cathedral: the lower frequency decides, as in figure 5 of RH 2002."""
+    from benchmarks.studies import frequency_grid
+
+    return frequency_grid.figure_5("rh-figure-5")
+
+
+def _rh_figure_5_workshop() -> Study:
+    """The grid of figure 5 of RH 2002 under the workshop."""
+    from benchmarks.studies import frequency_grid
+
+    return frequency_grid.figure_5("rh-figure-5-workshop", "workshop", "the workshop")
+
+
+def _rh_figure_7() -> Study:
+    """Images and errors by P under the Grace Cathedral, as figure 7 of RH 2002."""
+    from benchmarks.studies import view_orders
+
+    return view_orders.figure_7("rh-figure-7")
+
+
+def _rh_figure_7_workshop() -> Study:
+    """Images and errors by P, as figure 7 of RH 2002, under the workshop."""
+    from benchmarks.studies import view_orders
+
+    return view_orders.figure_7("rh-figure-7-workshop", "workshop", "the workshop")
+
+
+def _rh_figure_9() -> Study:
+    """SHRM and azimuthal averages on CUReT's velvet, as figure 9 of RH 2002."""
+    from benchmarks.studies import rivals
+
+    return rivals.figure_9("rh-figure-9")
+
+
+def _rh_figure_9_felt() -> Study:
+    """SHRM and azimuthal averages on Lafortune's felt, for figure 9 of RH 2002."""
+    from benchmarks.studies import rivals
+
+    return rivals.figure_9(
+        "rh-figure-9-felt", "lafortune-felt", {"studio": "studio", "workshop": "workshop"}, "felt (Lafortune)"
+    )
+
+
+def _rh_figure_10() -> Study:
+    """SHRM and Cabral's twelve maps on two hard materials, as figure 10 of RH 2002."""
+    from benchmarks.studies import rivals
+
+    return rivals.figure_10("rh-figure-10")
+
+
+def _cabral_figure_3() -> Study:
+    """Layered paint on a mesh from twelve maps beside the reference, as figure 3 of Cabral et al. 1999."""
+    from benchmarks.studies import layered_paint
+
+    return layered_paint.figure_3("cabral-figure-3")
+
+
+def _cabral_figure_3_vase() -> Study:
+    """Layered paint on a vase, for figure 3 of Cabral et al. 1999."""
+    from benchmarks.studies import layered_paint
+
+    return layered_paint.figure_3("cabral-figure-3-vase", "vase")
+
+
+def _cabral_figure_4() -> Study:
+    """Source maps, warped, weighted and blended, as figure 4 of Cabral et al. 1999."""
+    from benchmarks.studies import reflection_space
+
+    return reflection_space.figure_4("cabral-figure-4")
+
+
+def _cabral_figure_5() -> Study:
+    """All maps behind a painted car, as figure 5 of Cabral et al. 1999."""
+    from benchmarks.studies import layered_paint
+
+    return layered_paint.figure_5("cabral-figure-5")
+
+
+def _cabral_number_of_maps() -> Study:
+    """Error of 12, 42 and 162 maps on several materials (Cabral et al. 1999, section 3.1)."""
+    from benchmarks.studies import reflection_space
+
+    return reflection_space.number_of_maps("cabral-number-of-maps")
+
+
+def _cabral_costs() -> Study:
+    """What a source map and a frame cost (Cabral et al. 1999, section 5)."""
+    from benchmarks.studies import layered_paint
+
+    return layered_paint.costs("cabral-costs")
+
+
 STUDIES: dict[str, Callable[[], Study]] = {
     "microfacet-orders": _microfacet_orders,
     "captured-energy": _captured_energy,
@@ -311,4 +418,19 @@ STUDIES: dict[str, Callable[[], Study]] = {
     "samples-per-order": _samples_per_order,
     "radial-orders": _radial_orders,
     "shrm-frame-rate": _shrm_frame_rate,
+    "rh-figure-1": _rh_figure_1,
+    "rh-figure-1-shipped": _rh_figure_1_shipped,
+    "rh-figure-5": _rh_figure_5,
+    "rh-figure-5-workshop": _rh_figure_5_workshop,
+    "rh-figure-7": _rh_figure_7,
+    "rh-figure-7-workshop": _rh_figure_7_workshop,
+    "rh-figure-9": _rh_figure_9,
+    "rh-figure-9-felt": _rh_figure_9_felt,
+    "rh-figure-10": _rh_figure_10,
+    "cabral-figure-3": _cabral_figure_3,
+    "cabral-figure-3-vase": _cabral_figure_3_vase,
+    "cabral-figure-4": _cabral_figure_4,
+    "cabral-figure-5": _cabral_figure_5,
+    "cabral-number-of-maps": _cabral_number_of_maps,
+    "cabral-costs": _cabral_costs,
 }
