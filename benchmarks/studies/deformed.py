@@ -101,8 +101,8 @@ def _compared(
 
 _NRMSE = "NRMSE over the pixels, the reference's noise taken off, 0 below it"
 _ERRORS = (
-    f"{_NRMSE}: against Mitsuba with the shadows of the shape at rest carried along, which LDPRT approximates, and with "
-    "those of the shape as it is posed, which are shown."
+    f"{_NRMSE}: against Mitsuba with the shadows of the shape at rest carried along, which LDPRT approximates, and "
+    "with those of the shape as it is posed, which are shown."
 )
 
 
@@ -179,7 +179,7 @@ def flying_bat(stand_in: bool = False) -> Study:
         "waving-membrane" if stand_in else "flying-bat",
         f"{'A sheet' if stand_in else 'The bat'} as a thin membrane, in three poses",
         "One lobe about the normal in closed form (eq. 23), n = 3, under `studio` projected to six bands. "
-        f"{_NRMSE}: against Mitsuba without shadows, which is what the membrane's transfer means, and with all of them.",
+        f"{_NRMSE}: against Mitsuba without shadows, as the membrane's transfer has it, and with all of them.",
         cases, STATIC,
         ("The light has six bands and the transfer three: six bands show what the others are worth.",),
     )  # fmt: skip
