@@ -99,9 +99,10 @@ def _compared(
     )  # fmt: skip
 
 
+_NRMSE = "NRMSE over the pixels, the reference's noise taken off, 0 below it"
 _ERRORS = (
-    "NRMSE over the pixels, the reference's noise taken off: against Mitsuba with the shadows of the shape at rest "
-    "carried along, which LDPRT approximates, and with those of the shape as it is posed, which are shown."
+    f"{_NRMSE}: against Mitsuba with the shadows of the shape at rest carried along, which LDPRT approximates, and "
+    "with those of the shape as it is posed, which are shown."
 )
 
 
@@ -177,9 +178,8 @@ def flying_bat(stand_in: bool = False) -> Study:
     return _compared(
         "waving-membrane" if stand_in else "flying-bat",
         f"{'A sheet' if stand_in else 'The bat'} as a thin membrane, in three poses",
-        "One lobe about the normal in closed form (eq. 23), n = 3, under `studio` projected to six bands. NRMSE over "
-        "the pixels: against Mitsuba without shadows, which is what the membrane's transfer means, and with all of "
-        "them.",
+        "One lobe about the normal in closed form (eq. 23), n = 3, under `studio` projected to six bands. "
+        f"{_NRMSE}: against Mitsuba without shadows, as the membrane's transfer has it, and with all of them.",
         cases, STATIC,
         ("The light has six bands and the transfer three: six bands show what the others are worth.",),
     )  # fmt: skip

@@ -123,10 +123,8 @@ def head_fit(shape: Spec | None = None) -> Study:
         good = None if bar is None else error <= bar
         if count == 4:
             good = seconds <= SECONDS_BAR and speedup >= SPEEDUP_BAR and same <= theirs
-        seen[f"N = {count}, {error:.3f}"] = found.vectors()
-        rows.append(
-            (f"fitted, N = {count}", count, error, PRINTED_HEAD.get(count), good, seconds, speedup, same, theirs)
-        )
+        seen[f"N = {count}: RMS {error:.3f}"] = found.vectors()
+        rows.append(("fitted", count, error, PRINTED_HEAD.get(count), good, seconds, speedup, same, theirs))
     for name, relative in (("optimal linear lobe", fit.optimal_linear), ("bent normal", fit.bent_normal)):
         start = time.perf_counter()
         found = relative(vectors)
