@@ -9,7 +9,7 @@ from envbench.timing import timed
 
 K = TypeVar("K", bound=Hashable)
 
-BUDGET = 0.5
+BUDGET = 1.0
 """Seconds that the rounds of a call may take, but for the first two."""
 
 

@@ -125,14 +125,14 @@ def crossover() -> Study:
             way: np.array([found[i, way] for i in range(len(exponents))]) for way in ("angular", "sums", "transforms")
         }
         for way, told in (("sums", "the paper's sums"), ("transforms", "ducc0's transforms")):
-            crossing, inside = _crossing(exponents, cost["angular"] / cost[way])
+            found_at, inside = crossing(exponents, cost["angular"] / cost[way])
             rows.append(
                 (
                     told,
                     size,
                     predicted,
-                    crossing,
-                    crossing / predicted,
+                    found_at,
+                    found_at / predicted,
                     inside,
                     float(exponents[0]),
                     float(exponents[-1]),
@@ -149,10 +149,11 @@ def crossover() -> Study:
     )
 
 
-def _crossing(s: NDArray[np.float64], ratio: NDArray[np.float64]) -> tuple[float, bool]:
+def crossing(s: NDArray[np.float64], ratio: NDArray[np.float64]) -> tuple[float, bool]:
+    """Return where a power law fitted to a falling ratio is 1, and whether that is within the exponents `s`."""
     slope, offset = np.polyfit(np.log(s), np.log(ratio), 1)
-    crossing = float(np.exp(-offset / slope)) if slope < 0 else float("inf")
-    return crossing, bool(s[0] <= crossing <= s[-1])
+    at = float(np.exp(-offset / slope)) if slope < 0 else float("inf")
+    return at, bool(s[0] <= at <= s[-1])
 
 
 def facet_times() -> Study:

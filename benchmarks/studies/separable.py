@@ -42,8 +42,9 @@ class Separable:
 
     def analyse(self, samples: Array) -> Array:
         """Return L_lm of texels (rows, columns, 3) that count as point samples: (m, l, 6), Re and Im of r, g and b."""
-        by_row = np.matmul(self.turns, samples * self.solid)  # (rows, 2 (F + 1), 3)
-        by_row = by_row.reshape(len(samples), 2, -1, 3).transpose(2, 0, 1, 3)
+        rows, columns, _ = samples.shape
+        weighted = (samples * self.solid).transpose(0, 2, 1).reshape(-1, columns)  # one product, not one a row
+        by_row = (weighted @ self.turns.T).reshape(rows, 3, 2, -1).transpose(3, 0, 2, 1)
         return np.matmul(self.f, by_row.reshape(len(self.f), len(samples), 6))
 
     def synthesise(self, coefficients: Array) -> Array:

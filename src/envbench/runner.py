@@ -139,8 +139,8 @@ class Runner:
                 answer = Study.missing(name, f"{answer.status.value}: {answer.reason}")
             else:
                 self.worked += answer.seconds
-            if answer.reason:
-                self.progress.line(f"note, no study '{name}': {answer.reason}")
+            said = f"note, no study '{name}': {answer.reason}" if answer.reason else f"{name}  {answer.seconds:.2g} s"
+            self.progress.line(said)
             self.store.save_study(self.run_id, answer)
             self.progress.advance(1)
 

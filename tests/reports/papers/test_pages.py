@@ -8,6 +8,8 @@ import json
 import re
 from pathlib import Path
 
+import plotly.graph_objects as go
+
 from envbench.papers import Found
 from envbench.records import Picture, Study
 from reports.papers import latex, show, write
@@ -81,6 +83,8 @@ def test_figures_have_our_curves_and_the_printed_points(make, tmp_path: Path) ->
     assert first["data"][0]["y"] == [0.08, 0.04, 0.08 / 3, 0.02]
     assert first["layout"]["yaxis"]["type"] == "log"
     assert [(trace["name"], trace["x"]) for trace in second["data"]] == [("odd", [1, 3]), ("even", [2, 4])]
+    for figure in figures.values():
+        go.Figure(figure)  # refuses what Plotly does not know
     for key in figures:
         assert f'data-figure="{key}"' in page
 
