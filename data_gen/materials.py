@@ -86,6 +86,13 @@ MATERIALS: dict[str, dict[str, Any]] = {
             {"kind": "ggx", "roughness": 0.4, "f0": [0.04, 0.04, 0.04]},
         ]
     },
+    "layered-paint": {
+        "lobes": [
+            {"kind": "lambertian", "reflectance": [0.2, 0.015, 0.02]},
+            {"kind": "cook-torrance", "roughness": 0.35, "f0": [0.5, 0.08, 0.06]},
+            {"kind": "cook-torrance", "roughness": 0.1, "f0": [0.04, 0.04, 0.04]},
+        ]
+    },
     **measured.PRESETS,
 }
 

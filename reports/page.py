@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import base64
-import functools
-import gzip
 import json
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from envbench.errors import BadInput
 from envbench.metrics import METRICS
@@ -25,10 +22,14 @@ from reports.hard import hard_cases
 from reports.materials import PAPER_ABOVE, PAPER_SAMPLES, PAPER_WORST, materials
 from reports.measured import CLOSE, held
 from reports.pictures import colour_bar, gallery, thinning
-from reports.plots import marks, plot_data
+from reports.plots import marks, packed_plotly, plot_data
 from reports.studies import studies
 from reports.table import cause, nrmse, table
 from reports.verdict import LEVELS, SITUATIONS, competitions, glance, score, settings_text, varied, verdicts
+
+if TYPE_CHECKING:
+    from jinja2 import Environment
+    from markupsafe import Markup
 
 _TEMPLATES = Path(__file__).parent / "templates"
 
@@ -64,7 +65,11 @@ def write(store: Store, run_ref: str, path: Path) -> Path:
     BadInput
         For an unknown run, or a place that cannot be written.
     """
-    page = render(store, run_ref)
+    return replaced(path, render(store, run_ref))
+
+
+def replaced(path: Path, page: str) -> Path:
+    """Write a text file in one step, its folder too if need be; return its path, absolute."""
     path = path.absolute()
     part = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
@@ -75,9 +80,7 @@ def write(store: Store, run_ref: str, path: Path) -> Path:
         finally:
             part.unlink(missing_ok=True)
     except OSError as error:
-        raise BadInput(
-            f"cannot write the report to '{path}': {error.strerror or error}. Name a writable file."
-        ) from error
+        raise BadInput(f"cannot write '{path}': {error.strerror or error}. Name a writable file.") from error
     return path
 
 
@@ -88,6 +91,34 @@ def render(store: Store, run_ref: str) -> str:
     return _fill(run, store.scenes(run.id), store.cells(run.id), *beside)
 
 
+def environment() -> Environment:
+    """Return what renders the templates, with the filters that word numbers."""
+    from jinja2 import Environment, FileSystemLoader, StrictUndefined
+
+    found = Environment(
+        loader=FileSystemLoader(_TEMPLATES),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    found.filters.update(
+        three=numerals.three,
+        percent=numerals.percent,
+        seconds=numerals.seconds,
+        moment=numerals.moment,
+        json=lambda value: json.dumps(value, ensure_ascii=False, default=str),
+    )
+    return found
+
+
+def style() -> Markup:
+    """Return the style sheet of all pages."""
+    from markupsafe import Markup
+
+    return Markup((_TEMPLATES / "report.css").read_text(encoding="utf-8"))
+
+
 def _fill(
     run: RunInfo,
     scenes: Sequence[SceneResult],
@@ -96,7 +127,6 @@ def _fill(
     tables: Sequence[Study],
     films: Sequence[Film],
 ) -> str:
-    from jinja2 import Environment, FileSystemLoader, StrictUndefined
     from markupsafe import Markup
 
     step = thinning([cell.image for cell in cells])
@@ -104,70 +134,52 @@ def _fill(
     for cell in cells:
         by_scene.get(cell.scene, []).append(cell)
     found, looks = verdicts(scenes, cells), marks(cells)
-    environment = Environment(
-        loader=FileSystemLoader(_TEMPLATES),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
+    return (
+        environment()
+        .get_template("report.html")
+        .render(
+            run=run,
+            scenes=scenes,
+            cells=cells,
+            machine=_machine(run.machine),
+            counts=_counts(cells),
+            orphans=sorted({cell.scene for cell in cells} - set(by_scene)),
+            levels=LEVELS,
+            situations=SITUATIONS,
+            verdicts=(contested := competitions(found)),
+            alone=[verdict for verdict in found if verdict not in contested],
+            glance=glance(found),
+            hard=hard_cases(scenes, cells, looks),
+            hard_factor=FACTOR,
+            hard_level=LEVEL,
+            claims=claims(run.suite_text, scenes, cells),
+            held=held(scenes, cells),
+            close=CLOSE,
+            materials=materials(sheets),
+            studies=studies(tables),
+            reels=reels(films),
+            paper=(PAPER_ABOVE, PAPER_SAMPLES, PAPER_WORST),
+            marks=looks,
+            table=table(scenes, cells),
+            selectors=_selectors(scenes),
+            choosers=_choosers(scenes),
+            galleries=[
+                picture for i, scene in enumerate(scenes) if (picture := gallery(i, scene, by_scene[scene.name], step))
+            ],
+            colour_bar=Markup(colour_bar()),
+            troubles=_troubles(cells),
+            metrics=METRICS.values(),
+            nrmse_of=_nrmse_of,
+            cause_of=cause,
+            effects=effects(scenes),
+            warnings=warnings,
+            settings_text=settings_text,
+            data=plot_data(scenes, cells),
+            style=style(),
+            script=Markup((_TEMPLATES / "report.js").read_text(encoding="utf-8")),
+            plotly=Markup(packed_plotly()),
+        )
     )
-    environment.filters.update(
-        three=numerals.three,
-        percent=numerals.percent,
-        seconds=numerals.seconds,
-        moment=numerals.moment,
-        json=lambda value: json.dumps(value, ensure_ascii=False, default=str),
-    )
-    return environment.get_template("report.html").render(
-        run=run,
-        scenes=scenes,
-        cells=cells,
-        machine=_machine(run.machine),
-        counts=_counts(cells),
-        orphans=sorted({cell.scene for cell in cells} - set(by_scene)),
-        levels=LEVELS,
-        situations=SITUATIONS,
-        verdicts=(contested := competitions(found)),
-        alone=[verdict for verdict in found if verdict not in contested],
-        glance=glance(found),
-        hard=hard_cases(scenes, cells, looks),
-        hard_factor=FACTOR,
-        hard_level=LEVEL,
-        claims=claims(run.suite_text, scenes, cells),
-        held=held(scenes, cells),
-        close=CLOSE,
-        materials=materials(sheets),
-        studies=studies(tables),
-        reels=reels(films),
-        paper=(PAPER_ABOVE, PAPER_SAMPLES, PAPER_WORST),
-        marks=looks,
-        table=table(scenes, cells),
-        selectors=_selectors(scenes),
-        choosers=_choosers(scenes),
-        galleries=[
-            picture for i, scene in enumerate(scenes) if (picture := gallery(i, scene, by_scene[scene.name], step))
-        ],
-        colour_bar=Markup(colour_bar()),
-        troubles=_troubles(cells),
-        metrics=METRICS.values(),
-        nrmse_of=_nrmse_of,
-        cause_of=cause,
-        effects=effects(scenes),
-        warnings=warnings,
-        settings_text=settings_text,
-        data=plot_data(scenes, cells),
-        style=Markup((_TEMPLATES / "report.css").read_text(encoding="utf-8")),
-        script=Markup((_TEMPLATES / "report.js").read_text(encoding="utf-8")),
-        plotly=Markup(_packed_plotly()),
-    )
-
-
-@functools.cache
-def _packed_plotly() -> str:
-    """Return plotly.js as base64 of gzip, which browsers unpack themselves: 2 MB where the script has 4.8."""
-    from plotly.offline import get_plotlyjs
-
-    return base64.b64encode(gzip.compress(get_plotlyjs().encode(), mtime=0)).decode()
 
 
 def _machine(machine: Mapping[str, Any]) -> str:

@@ -52,13 +52,10 @@ class Scale:
 
 
 @dataclass(frozen=True)
-class Outline:
-    """A frame about the tiles of some rows and columns, ends included."""
+class Border:
+    """A line drawn between tiles through `corners` (row, column), each the one above and left of the tile there."""
 
-    top: int
-    left: int
-    bottom: int
-    right: int
+    corners: tuple[tuple[int, int], ...]
     colour: tuple[int, int, int] = (222, 166, 0)
 
 
@@ -87,8 +84,11 @@ def signed(difference: NDArray[np.floating], limit: float) -> Pixels:
 
 
 def round_limit(differences: Sequence[NDArray[np.floating]]) -> float:
-    """Return the 1-2-5 step above the 99th percentile of the largest of differences (H, W, 3), channels averaged."""
-    high = max(float(np.nanpercentile(np.abs(d.mean(-1)), 99)) for d in differences)
+    """Return a scale's end for differences (H, W, 3): the 1-2-5 step above the middle one's 99th percentile.
+
+    The worst would turn all others white, and the best would saturate them all.
+    """
+    high = float(np.median([np.nanpercentile(np.abs(d.mean(-1)), 99) for d in differences]))
     if not high > 0:
         return 0.01
     decade = 10.0 ** math.floor(math.log10(high))
@@ -119,7 +119,7 @@ def compose(
     labels: Sequence[str] = (),
     notes: Sequence[str] = (),
     scale: Scale | None = None,
-    outlines: Sequence[Outline] = (),
+    borders: Sequence[Border] = (),
 ) -> bytes:
     """Lay tiles out and return the PNG, the same bytes for the same pixels.
 
@@ -133,7 +133,8 @@ def compose(
         Below all, e.g. how radiance became colours.
     scale : Scale, optional
         Drawn as a bar, where some tiles are differences.
-    outlines : sequence of Outline
+    borders : sequence of Border
+        For sheets without captions.
     """
     from PIL import Image, ImageDraw, ImageFont
 
@@ -172,10 +173,10 @@ def compose(
                 at = across[i] + (width[i] - tile.pixels.shape[1]) // 2
                 sheet.paste(Image.fromarray(tile.pixels), (at, tops[number]))
                 write(captions[number][i], across[i] + width[i] / 2, tops[number] + tile.pixels.shape[0] + 2)
-    for o in outlines:
-        bottom = tops[o.bottom] + max(t.pixels.shape[0] for t in rows[o.bottom] if t)
-        box = (across[o.left] - 4, tops[o.top] - 4, across[o.right] + width[o.right] + 3, bottom + 3)
-        draw.rectangle(box, outline=o.colour, width=3)
+    down = [*tops, y]
+    for border in borders:
+        line_of = [(across[column] - GAP / 2, down[row] - GAP / 2) for row, column in border.corners]
+        draw.line(line_of, fill=border.colour, width=3, joint="curve")
     if scale:
         _bar(sheet, draw, font, scale, (MARGIN, y))
     write(feet, MARGIN, foot, "la")

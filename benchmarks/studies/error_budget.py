@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
 from benchmarks import CATALOGUE
+from benchmarks.studies.renderings import distance, shaded
 from envbench import real_harmonics
 from envbench.directions import Array
 from envbench.records import Study
@@ -39,7 +39,7 @@ def error_budget() -> Study:
     settings = ReferenceSettings(floor=FLOOR, budget=BUDGET)
     truth = {name: reference(scene, settings) for name, scene in scenes.items()}
     scene = scenes["local"]
-    exact, evaluated, tabled = (_shaded(m, scene) for m in (SHRotation(), LDPRT(), LDPRT(table=True)))
+    exact, evaluated, tabled = (shaded(m, scene) for m in (SHRotation(), LDPRT(), LDPRT(table=True)))
     noise = _ray_noise(scene)
     rms = truth["whole"].rms
     floor = {name: found.floor * found.rms / rms for name, found in truth.items()}
@@ -52,8 +52,8 @@ def error_budget() -> Study:
         ("table lookup", _rms(tabled - evaluated) / rms, "eq. 25 against eq. 13"),
     ]  # fmt: skip
     together = float(np.sqrt(sum(error**2 for _, error, _ in causes)))
-    whole = _from(tabled, truth["whole"]) / rms
-    left = _from(exact, truth["local"]) / rms
+    whole = distance(tabled, truth["whole"]) / rms
+    left = distance(exact, truth["local"]) / rms
     rows: list[tuple[str | float | bool | None, ...]] = [*causes]
     rows += [
         ("all, as independent", together, "root of the sum of squares"),
@@ -81,11 +81,6 @@ def error_budget() -> Study:
     )
 
 
-def _shaded(method: Any, scene: Scene) -> Array:
-    prepared = method.prepare(scene.material, scene.geometry.rest)
-    return np.asarray(method.shade(method.relight(prepared, scene.environment), scene.points), float)
-
-
 def _ray_noise(scene: Scene) -> float:
     """Return the RMS over points of the radiance's standard error, each vertex turned."""
     transfer = SIMULATIONS.get(scene.geometry, Request(6, Kind.SHADOWED, 5000, 0, 1.0, 0))
@@ -106,11 +101,6 @@ def _apart(a: Reference, b: Reference) -> float:
     return float(np.sqrt(max(((square - noise) * a.weight).sum(), 0.0)))
 
 
-def _from(found: Array, truth: Reference) -> float:
-    square = ((found - truth.mean) ** 2 - truth.standard_error**2).mean(-1)
-    return float(np.sqrt(max((square * truth.weight).sum(), 0.0)))
-
-
 def _rms(values: Array) -> float:
     return float(np.sqrt(np.mean(values**2)))
 
@@ -125,11 +115,11 @@ def transfer_agreement() -> Study:
             effects=(Effect.SELF_SHADOWING,),
         )  # fmt: skip
         truth = reference(scene, ReferenceSettings(floor=FLOOR, budget=BUDGET))
-        found = _shaded(SHRotation(), replace(scene, points=scene.points))
-        off = float(np.sqrt((((found - truth.mean) ** 2).mean(-1) * truth.weight).sum())) / truth.rms
+        found = shaded(SHRotation(), replace(scene, points=scene.points))
+        apart = float(np.sqrt((((found - truth.mean) ** 2).mean(-1) * truth.weight).sum())) / truth.rms
         expected = float(np.hypot(_ray_noise(scene) / truth.rms, truth.floor))
         bias = float(((found - truth.mean).mean(-1) * truth.weight).sum()) / truth.rms
-        rows.append((name, off, expected, off / expected, bias))
+        rows.append((name, apart, expected, apart / expected, bias))
     return Study(
         "transfer-agreement",
         f"Simulated transfer against Mitsuba's own rendering: the head at rest, {COUNT:,} vertices",

@@ -26,9 +26,9 @@ def visible(geometry: Geometry, directions: Array) -> NDArray[np.bool_]:
     above = mesh.normals @ directions.T > 0
     if geometry.rest.convex:
         return above
+    casting = Casting.of(mesh)
     import drjit as dr
 
-    casting = Casting.of(mesh)
     mi, count = casting.mi, len(directions)
     towards = mi.Vector3f(columns(directions))
     step = max(1, _LANES // count)

@@ -40,22 +40,24 @@ def planes(P: int, F: int, Q: int) -> int:
     return sum(1 if q == 0 else 2 for _, q, _ in terms(P, F, Q))
 
 
-def synthesise(lobe: LobeCoefficients, light: harmonics.Coefficients, rows: int) -> NDArray[np.floating]:
+def synthesise(
+    lobe: LobeCoefficients, light: harmonics.Coefficients, rows: int, columns: int | None = None
+) -> NDArray[np.floating]:
     """Return the planes of all maps of a lobe.
 
     Parameters
     ----------
     light : (3, n) complex
         L_lm to an order of at least `lobe.F`.
-    rows : int
-        S; the maps have S x 2 S samples at pixel centres.
+    rows, columns : int
+        The maps have S x 2 S samples at pixel centres, S = `rows`, or S x `columns`.
 
     Returns
     -------
     (3, planes, S, 2 S)
     """
     F = lobe.F
-    out = np.empty((3, planes(lobe.P, F, lobe.Q), rows, 2 * rows), light.real.dtype)
+    out = np.empty((3, planes(lobe.P, F, lobe.Q), rows, columns or 2 * rows), light.real.dtype)
     alm = products(lobe, light)
 
     def one(job: tuple[int, int, int, int]) -> None:

@@ -74,7 +74,7 @@ def predict(followed: Sequence[Followed], environment: Environment, lookups: Seq
     """
     power = light_power(environment, max(f.r.shape[2] - 1 for f in followed))
     total = sum(f.kept.total for f in followed)
-    light = _light_energy(environment)
+    light = light_energy(environment)
     unlit = [1 - _ratio(power[:, : f.kept.F + 1].sum(), light.sum()) for f in followed]
     least = sum(
         min(max(u, 0.0), float(f.beyond_order.sum() / f.kept.total)) * f.kept.total
@@ -97,7 +97,7 @@ def light_power(environment: Environment, order: int) -> Array:
     return np.stack([np.bincount(l, s, order + 1) for s in squared]).astype(float)
 
 
-def _light_energy(environment: Environment) -> Array:
+def light_energy(environment: Environment) -> Array:
     """Return int L^2 of the bilinear function, (3,): along each axis a cell holds (a^2 + a b + b^2) / 3."""
     f = environment.radiance.astype(float)
     turned = np.roll(f[[0, -1]], f.shape[1] // 2, axis=1)

@@ -153,6 +153,34 @@ def report(run: Run = "latest", out: Out = Path("results")) -> None:
 
 
 @app.command()
+def paper(
+    name: Annotated[str, typer.Argument(metavar="PAPER", help="A paper's name, or 'all'.")],
+    out: Out = Path("results"),
+    again: Annotated[bool, typer.Option("--again", help="Compute what the store holds already, too.")] = False,
+    root: Annotated[Path | None, typer.Option("--root", help="Your own folder with papers/.")] = None,
+    timeout: Annotated[float, typer.Option(help="Seconds that a study may take.")] = 900.0,
+) -> None:
+    """Recompute a paper's tables and figures beside what it printed, with verdicts, into OUT/papers/index.html."""
+    from envbench import papers, progress, session
+    from envbench.supervisor import Limits
+
+    offered = papers.offered()
+    chosen = papers.chosen(offered, name, root)
+    options = session.Options(out=out, root=root, limits=Limits(timeout))
+    try:
+        for one in chosen:
+            papers.run(one, options, progress.progress(), again=again)
+    except KeyboardInterrupt:
+        print(f"interrupted: finished studies are kept; 'envbench paper {name}' goes on.", file=sys.stderr)
+        raise typer.Exit(130) from None
+    judged = [(one, papers.known(out, one)) for one in chosen]
+    answered = [offered.show(*one) for one in judged]
+    others = [offered.read(other, root) for other in offered.names(root) if other not in {one.name for one in chosen}]
+    print(f"pages: {offered.write([*judged, *((one, papers.known(out, one)) for one in others)], out / papers.FOLDER)}")
+    raise typer.Exit(0 if all(answered) else 1)
+
+
+@app.command()
 def export(
     run: Run,
     file: Annotated[Path, typer.Argument(metavar="FILE", help="Its suffix decides: .csv, .json or .parquet.")],

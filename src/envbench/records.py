@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import statistics
 from dataclasses import dataclass, field
 from enum import StrEnum
@@ -200,6 +201,8 @@ class Study:
         What making it took; NaN until it was measured.
     reason : str
         Why there is no table; empty where there is one.
+    needs_data : bool
+        The reason is that files of data are absent, and says how to get them.
     pictures : tuple of Picture
         Shown under the table.
     """
@@ -212,6 +215,7 @@ class Study:
     notes: tuple[str, ...] = ()
     seconds: float = float("nan")
     reason: str = ""
+    needs_data: bool = False
     pictures: tuple[Picture, ...] = ()
 
     def __post_init__(self) -> None:
@@ -229,9 +233,9 @@ class Study:
         return sum(said), len(said)
 
     @staticmethod
-    def missing(name: str, reason: str) -> Study:
+    def missing(name: str, reason: str, *, needs_data: bool = False) -> Study:
         """Return what stands for a study that came to nothing."""
-        return Study(name, name, "", (), (), reason=reason)
+        return Study(name, name, "", (), (), reason=reason, needs_data=needs_data)
 
 
 @dataclass(frozen=True)
@@ -272,3 +276,9 @@ class RunInfo:
     finished: str | None = None
     wall_seconds: float | None = None
     overhead_seconds: float | None = None
+
+    @property
+    def commit(self) -> str:
+        """What git calls the checkout that ran, "-dirty" where files were changed; "unknown" without git."""
+        found = re.search(r"\(git ([^)]+)\)", self.versions.get("envbench", ""))
+        return found[1] if found else "unknown"

@@ -18,8 +18,8 @@ from envbench.catalogue import Catalogue
 from envbench.errors import BadInput, CannotRun, unknown
 from envbench.method import Method
 
-CATALOGUE, REPORT, METHODS = "envbench.catalogue", "envbench.report", "envbench.methods"
-"""Entry-point groups: what the benchmark root offers, its report writer, and methods of installed packages."""
+CATALOGUE, REPORT, PAPERS, METHODS = "envbench.catalogue", "envbench.report", "envbench.papers", "envbench.methods"
+"""Entry-point groups: what the benchmark root offers, its report writer, its papers; methods of installed packages."""
 USER_PACKAGE = "envbench_user_methods"
 """The package under which the files of a user's ``methods/`` are imported, here and in workers."""
 

@@ -147,9 +147,10 @@ class Runner:
             answer: Study | Failure = self._ask(MakeStudy(name), self.seconds, f"study {name}")
             if isinstance(answer, Failure):
                 answer = Study.missing(name, f"{answer.status.value}: {answer.reason}")
-                self.progress.line(f"note, no study '{name}': {answer.reason}")
             else:
                 self.worked += answer.seconds
+            said = f"note, no study '{name}': {answer.reason}" if answer.reason else f"{name}  {answer.seconds:.2g} s"
+            self.progress.line(said)
             self.store.save_study(self.run_id, answer)
             self.progress.advance(1)
 

@@ -62,11 +62,15 @@ def run(options: Options, progress: Progress, began: float | None = None) -> Run
     KeyboardInterrupt
         Finished cells are kept, and the worker is gone.
     """
+    asked = suite.read(root.load(options.root).suite(options.suite))
+    return carry_out(asked, options, progress, began)
+
+
+def carry_out(asked: suite.SuiteFile, options: Options, progress: Progress, began: float | None = None) -> RunInfo:
+    """Run a suite that was read already: see `run`."""
     writable(options.out)
     bench = root.load(options.root)
-    asked = overridden(
-        suite.read(bench.suite(options.suite)), floor=options.floor, variant=options.variant, rounds=options.rounds
-    )
+    asked = overridden(asked, floor=options.floor, variant=options.variant, rounds=options.rounds)
     setup = Setup(options.root, options.out / CACHE, options.out / LOG, asked.reference)
     with Store.open(options.out / STORE, create=True) as store:
         supervisor = Supervisor(setup, options.limits)  # loads its libraries while the plan is made

@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 import sqlite3
 import zlib
-from collections.abc import Generator
+from collections.abc import Collection, Generator
 from contextlib import contextmanager
 from dataclasses import asdict, fields, replace
 from pathlib import Path
@@ -204,6 +204,15 @@ class Store:
             drawn.setdefault(row.pop("study"), []).append(Picture(**row))
         found = [Study(**_fields(json.loads(row["study"]))) for row in rows]
         return [replace(study, pictures=tuple(drawn.get(study.name, ()))) for study in found]
+
+    def newest_studies(self, names: Collection[str]) -> dict[str, tuple[Study, RunInfo]]:
+        """Return the newest result of each study that some run holds, with its run, in the order of `names`."""
+        newest = """SELECT run.id FROM study JOIN run ON run.id = run_id WHERE study.name = ?
+                    ORDER BY run.number DESC LIMIT 1"""
+        of = {name: row["id"] for name in names for row in self._rows(newest, name)}
+        runs = {run.id: run for run in self.runs()}
+        made = {run_id: {study.name: study for study in self.studies(run_id)} for run_id in set(of.values())}
+        return {name: (made[run_id][name], runs[run_id]) for name, run_id in of.items()}
 
     def films(self, run_id: str) -> list[Film]:
         """Return the animations of a run, in the order in which they were saved."""

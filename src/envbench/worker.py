@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from envbench import attribution, effects, furnace, llvm, metrics, root, timing
 from envbench.answers import checked, modulated
 from envbench.choices import identity, values
-from envbench.errors import BadInput, CannotRun, unknown
+from envbench.errors import BadInput, CannotRun, NeedsData, unknown
 from envbench.failures import failure
 from envbench.film import film
 from envbench.grids import SceneSpec
@@ -160,7 +160,10 @@ class Desk:
         if name not in self.bench.catalogue.studies:
             raise unknown("study", name, self.bench.catalogue.studies)
         start = time.perf_counter()
-        study = self.bench.catalogue.studies[name]()
+        try:
+            study = self.bench.catalogue.studies[name]()
+        except NeedsData as absent:
+            study = Study.missing(name, _line(absent), needs_data=True)
         if not isinstance(study, Study):  # pyright: ignore[reportUnnecessaryIsInstance]
             raise BadInput(f"study '{name}' must return a Study. Got {type(study).__name__} instead.")
         return replace(study, name=name, seconds=time.perf_counter() - start)

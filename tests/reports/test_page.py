@@ -259,7 +259,7 @@ def test_a_place_that_cannot_be_written_is_one_line(make, tmp_path, monkeypatch,
         monkeypatch.setattr(
             "pathlib.Path.write_text", lambda *_, **__: (_ for _ in ()).throw(OSError(28, "No space left on device"))
         )
-    with pytest.raises(BadInput, match=r"^cannot write the report to '.*report\.html': [^\n]+$"):
+    with pytest.raises(BadInput, match=r"^cannot write '.*report\.html': [^\n]+$"):
         write(make.records([], []), "latest", target)
     assert place != "no room" or target.read_text() == "old"
     assert [entry.name for entry in tmp_path.iterdir()] == ["report.html"]
