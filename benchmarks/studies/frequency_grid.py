@@ -94,7 +94,6 @@ def figure_5(name: str, light: str | Spec = GRACE, of: str = "Grace Cathedral", 
         "blurred, and should decide what the picture is; above it the BRDF. About the lower: from half of it to it.",
         (
             "light's s", "BRDF's s", "F light", "F BRDF", "lower F", "F reflected", "over the lower", "about the lower",
-            "about the lower",
             "change by a sharper light", "change by a sharper BRDF", "more blurred", "it decides",
         ),
         tuple(rows),

@@ -26,9 +26,7 @@ from references import reference
 SETTINGS = ReferenceSettings(floor=1e-2, budget=60)
 RIM = 70.0
 """Degrees between N and V from which on a view counts as near grazing."""
-FIBRES = (
-    "Seen from the front. Fibres run along circles of latitude, and within 26 degrees of the poles about another axis."
-)
+FIBRES = "Seen from the front. Fibres run around the vertical axis, and within 26 degrees of the poles around another."
 ACCURATE, LARGE = 0.1, 0.2
 """NRMSE at most, and at least, that "accurate" and "large errors" are taken for: the paper puts no number to them."""
 _LEVELS = f"Accurate is taken for an NRMSE of at most {ACCURATE:g}, large errors for one of at least {LARGE:g}."
