@@ -27,6 +27,8 @@ from methods.shrm.coefficients import expand
 
 EXPONENTS = (512.0, 128.0, 32.0, 8.0, 2.0)
 """Of the BRDFs, and of the blur of the light: each blurs twice as far as the one before."""
+SHARPER = 2048.0
+"""What the sharpest ones are held against, one step further: no sphere of the figure has it."""
 EPS, HIGHEST, ROWS = 0.01, 95, 192
 """HIGHEST is the order to which all is rendered: exp(-l^2 / s) is below 1e-7 there for the sharpest."""
 
@@ -45,28 +47,31 @@ def figure_5(name: str, light: str | Spec = GRACE, of: str = "Grace Cathedral", 
     view = {"kind": "image", "size": size, "direction": [0.0, -1.0, 0.0]}
     shown = scene(light, "lambertian", "sphere", view)
     lit = downsampled(shown.environment, ROWS)
-    blurred = [_blurred(lit, s) for s in EXPONENTS]
+    exponents = (SHARPER, *EXPONENTS)
+    blurred = [_blurred(lit, s) for s in exponents]
     materials = [
-        scene(light, {"kind": "phong", "exponent": s, "clipped": False}, "sphere", view).material for s in EXPONENTS
+        scene(light, {"kind": "phong", "exponent": s, "clipped": False}, "sphere", view).material for s in exponents
     ]
     powers = [_power(harmonics.analyse(e.radiance, HIGHEST)) for e in blurred]
     grid = [
         [_sphere(replace(shown, environment=e, material=m), power) for m in materials]
         for e, power in zip(blurred, powers, strict=True)
     ]
-    rows: list[tuple[float | int | bool | None, ...]] = []
-    for i, of_light in enumerate(grid):
-        for j, sphere in enumerate(of_light):
-            lower = min(sphere.light, sphere.brdf)
-            by_light = apart(grid[i - 1][j].image, sphere.image) if i else None
-            by_brdf = apart(of_light[j - 1].image, sphere.image) if j else None
-            decides = None
-            if i != j and by_light is not None and by_brdf is not None:
-                decides = bool(by_light > by_brdf) if i > j else bool(by_brdf > by_light)
-            rows.append(
-                (EXPONENTS[i], EXPONENTS[j], sphere.light, sphere.brdf, lower, sphere.reflected,
-                 sphere.reflected / lower, by_light, by_brdf, decides)
-            )  # fmt: skip
+    rows: list[tuple[str | float | int | bool | None, ...]] = []
+    for i, j in np.ndindex(len(EXPONENTS), len(EXPONENTS)):
+        sphere = grid[i + 1][j + 1]
+        lower = min(sphere.light, sphere.brdf)
+        by_light, by_brdf = (apart(other.image, sphere.image) for other in (grid[i][j + 1], grid[i + 1][j]))
+        ratio = sphere.reflected / lower
+        blurred_more, decides = "both", None
+        if i != j:
+            blurred_more = "light" if i > j else "BRDF"
+            decides = bool(by_light > by_brdf) == (i > j)
+        rows.append(
+            (EXPONENTS[i], EXPONENTS[j], sphere.light, sphere.brdf, lower, sphere.reflected, ratio,
+             bool(0.5 <= ratio <= 1), by_light, by_brdf, blurred_more, decides)
+        )  # fmt: skip
+    grid = [row[1:] for row in grid[1:]]
     stops = exposure(grid[3][3].image)
     png = compose(
         [[Tile(exposed(shown.points.image(sphere.image), stops)) for sphere in row] for row in grid],
@@ -86,10 +91,10 @@ def figure_5(name: str, light: str | Spec = GRACE, of: str = "Grace Cathedral", 
         "RH 2002, figure 5: the highest frequency of the reflected light field is about the lower one of light and "
         f"BRDF. Orders hold all but {EPS:g} of an energy. A step sharpens the light, or the BRDF, to the next exponent "
         "upwards; changes are RMS differences over the RMS of the sphere. Below the diagonal the light is the more "
-        "blurred, and should decide what the picture is; above it the BRDF.",
+        "blurred, and should decide what the picture is; above it the BRDF. About the lower: from half of it to it.",
         (
-            "light's s", "BRDF's s", "F light", "F BRDF", "lower F", "F reflected", "over the lower",
-            "change by a sharper light", "change by a sharper BRDF", "the lower decides",
+            "light's s", "BRDF's s", "F light", "F BRDF", "lower F", "F reflected", "over the lower", "about the lower",
+            "change by a sharper light", "change by a sharper BRDF", "more blurred", "it decides",
         ),
         tuple(rows),
         (f"F reflected over the lower F lies between {min(ratios):.3g} and {max(ratios):.3g}.",),

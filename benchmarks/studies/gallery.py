@@ -25,6 +25,8 @@ ORDER, VIEW_ORDER, FIBRE_ORDER, SIZE = 30, 5, 8, 64
 """F and P that the paper finds to suffice (sec. 7.2), P of its fibres (7.1), and its 64 x 64 x 6 texels (7.5)."""
 TOWARDS, FOV = (0.4, 0.88, 0.15), 70.0
 """Where the viewer is, and the degrees that the picture's background spans."""
+ACCURATE = 0.1
+"""NRMSE at most that "accurate" is taken for: the paper puts no number to it."""
 FRAMES, JUDGED = 5, 2048
 """Frames that are timed, and points at which errors are taken."""
 PROBES: dict[str, str | Spec] = {
@@ -83,7 +85,7 @@ def figure_1(
             some = replace(shown, points=shown.points.spread(JUDGED))
             judged = np.asarray(method.shade(method.frame(relit, shown.viewer), some.points), float)
             off = error(judged, reference(some, ReferenceSettings(floor=2e-2, budget=60)))
-            rows.append((light, called, ORDER, P, left_out, off, 1 / float(np.median(seconds))))
+            rows.append((light, called, ORDER, P, left_out, off, off <= ACCURATE, 1 / float(np.median(seconds))))
             tiles.append(Tile(_with_background(shown, values), f"NRMSE {percent(off)}"))
         sheet.append(tiles)
     worst = max(rows, key=lambda row: row[5])
@@ -94,8 +96,8 @@ def figure_1(
         f"RH 2002, figure 1: F = {ORDER}, P = {VIEW_ORDER} ({FIBRE_ORDER} for Kajiya-Kay), {SIZE} x {SIZE} x 6 texels. "
         "Errors against Mitsuba without shadows, which reflection maps do not know either. A frame is eq. 12 and a "
         f"lookup at every pixel that the shape covers of {size} x {size}; the median of {FRAMES}. Errors are taken at "
-        f"{JUDGED:,} of these pixels.",
-        ("light", "material", "F", "P", "BRDF energy left out", "NRMSE", "frames a second"),
+        f"{JUDGED:,} of these pixels; accurate is one of at most {ACCURATE:g}.",
+        ("light", "material", "F", "P", "BRDF energy left out", "NRMSE", "accurate", "frames a second"),
         tuple(rows),
         (f"The largest error is that of {worst[1]} under {worst[0]}: {float(worst[5]):.3g}.",),
         pictures=(

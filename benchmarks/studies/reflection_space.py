@@ -60,11 +60,12 @@ def figure_4(name: str) -> Study:
 
     angle = [float(np.degrees(np.arccos(np.clip(vertices[k] @ view, -1, 1)))) for k in face]
     rows: list[tuple[str | float | bool | None, ...]] = [
-        (f"source {k + 1}", float(weights[k]), angle[k], off(alone[k]), off(np.asarray(maps[k, ..., :3])), None)
+        (f"source {k + 1}", float(weights[k]), angle[k], off(alone[k]), off(np.asarray(maps[k, ..., :3])), None, None)
         for k in range(3)
     ]
     residual = float(np.abs(sum(parts) - whole)[inside].max()) / rms
-    rows.append(("blend", float(weights.sum()), 0.0, off(whole), None, residual < 1e-5))
+    best = off(whole) < min(map(off, alone))
+    rows.append(("blend", float(weights.sum()), 0.0, off(whole), None, residual < 1e-5, best))
 
     def shown(texels: NDArray[np.floating]) -> NDArray[np.uint8]:
         return exposed(np.where(inside[..., None], texels, np.nan), 0.0)
@@ -92,7 +93,10 @@ def figure_4(name: str) -> Study:
         f"Cabral, Olano and Nemec 1999, figure 4: the three of {MAPS} maps whose face the view meets, with spherical "
         f"barycentric weights; trust fades within {FADE:g} radii of each source's singular point. Maps of {SIZE} x "
         f"{SIZE} texels; errors are RMS differences to the view's own map, over its RMS, on the disk.",
-        ("map", "weight", "degrees from the view", "error", "error without the warp", "is the sum of its parts"),
+        (
+            "map", "weight", "degrees from the view", "error", "error without the warp", "is the sum of its parts",
+            "better than any",
+        ),
         tuple(rows),
         (),
         pictures=(
