@@ -107,17 +107,19 @@ _MATERIALS: tuple[Table, ...] = (
 def drawn(seed: int) -> Scene:
     """Return a random scene: light, material, shape, pose and view, from easy to extreme; in view it is for certain."""
     rng = np.random.default_rng((0x5CE9E, seed))
-    tables = {"light": _light(rng), "material": _MATERIALS[rng.integers(len(_MATERIALS))], "geometry": _shape(rng)}
+    light, material, geometry = _light(rng), _MATERIALS[rng.integers(len(_MATERIALS))], _shape(rng)
     while True:
         try:
-            return CATALOGUE.scene(name=f"random {seed}", **tables, view=_view(rng))
+            return CATALOGUE.scene(
+                name=f"random {seed}", light=light, material=material, geometry=geometry, view=_view(rng)
+            )
         except BadInput:  # from there it turns its back
             continue
 
 
 def _light(rng: np.random.Generator) -> Table:
     seed = int(rng.integers(2**31))
-    match rng.integers(7):
+    match int(rng.integers(7)):
         case 0:
             return {"kind": "constant"}
         case 1:
@@ -138,7 +140,7 @@ def _captured(rng: np.random.Generator) -> str:
 
 def _shape(rng: np.random.Generator) -> Table:
     deep = float(np.exp(rng.uniform(np.log(0.01), np.log(0.5))))
-    match rng.integers(8):
+    match int(rng.integers(8)):
         case 0:
             return {"kind": "ellipsoid", "axes": rng.uniform(0.3, 1.0, 3).tolist()}
         case 1:

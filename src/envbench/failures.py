@@ -8,7 +8,7 @@ import sys
 import traceback
 from pathlib import Path
 
-from envbench.messages import Failure, FirstPass, MakeFilm, MakeReference, MakeSheet, MakeStudy, Request, Round
+from envbench.messages import Failure, FirstPass, MakeFilm, MakeReference, MakeSheet, MakeStudy, MakeWithout, Request, Round
 from envbench.records import Status
 
 
@@ -43,7 +43,7 @@ def death(code: int | None, last_words: str) -> str:
 def _where(error: BaseException, request: Request) -> str:
     frames = traceback.extract_tb(error.__traceback__)
     match request:
-        case MakeReference() | MakeSheet() | MakeStudy():
+        case MakeReference() | MakeWithout() | MakeSheet() | MakeStudy():
             return ""
         case FirstPass(cell) | Round(cell):
             method = cell.method

@@ -282,7 +282,8 @@ def _scene(row: dict[str, Any]) -> SceneResult:
 
 
 def _decision(row: dict[str, Any]) -> Decision:
-    return Decision(**row | {"effect": Effect(row["effect"]), "basis": Basis(row["basis"])})
+    row |= {"effect": Effect(row["effect"]), "basis": Basis(row["basis"])}
+    return Decision(**row)
 
 
 def _fields(row: dict[str, Any]) -> dict[str, Any]:
