@@ -8,7 +8,17 @@ import sys
 import traceback
 from pathlib import Path
 
-from envbench.messages import Failure, FirstPass, MakeFilm, MakeReference, MakeSheet, MakeStudy, MakeWithout, Request, Round
+from envbench.messages import (
+    Failure,
+    FirstPass,
+    MakeFilm,
+    MakeReference,
+    MakeSheet,
+    MakeStudy,
+    MakeWithout,
+    Request,
+    Round,
+)
 from envbench.records import Status
 
 
