@@ -96,10 +96,10 @@ def figure_3(name: str, geometry: str = "bunny", size: int = 192) -> Study:
     )
     return Study(
         name,
-        f"Layered paint outdoors, rendered from {MAPS} sphere maps: {geometry}",
+        f"Layered paint under {LIGHT}, rendered from {MAPS} sphere maps: {geometry}",
         f"Cabral, Olano and Nemec 1999, figure 3: a base with flakes under a clear coat, {MAPS} maps of {SIZE} x "
         f"{SIZE} texels integrated over the light, one mirror warp for all lobes. Beside Mitsuba, without shadows, "
-        "which no reflection map knows. The paper renders a car, which is not to be had.",
+        "which no reflection map knows. The paper's car, and the place outdoors where it stands, are not to be had.",
         ("view", "method", "NRMSE", f"{MAPS} suffice (at most {SUFFICES:g})"),
         tuple(rows),
         (),
