@@ -289,9 +289,13 @@ class _Planner:
         return self._rate(self._full) * share
 
     def _cost(self, variant: Variant) -> float:
-        """Estimate what a reference takes: the rate of the probe by the samples that its noise calls for."""
+        """Estimate what a reference takes: the rate of the probe by the samples that its noise calls for.
+
+        The noise is that of all effects; but an opaque surface, where light else scatters inside, has its own.
+        """
         looks = self.looks[-1]
-        values = self.whole(looks)
+        own = INSIDE in self._full.effects - variant.effects and variant in looks.seen
+        values = self._rendered(looks, variant) if own else self.whole(looks)
         samples = needed_samples(values, np.ones(values.shape[1]), looks.samples, self.reference.floor)
         lanes = max(samples, _FIRST_LOOK) * self.reference.replicates * len(self.scene.points)
         return float(min(self._rate(variant) * lanes, self.reference.budget))

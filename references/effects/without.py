@@ -30,7 +30,9 @@ def simulated(scene: Scene) -> Scene:
         scene = replace(scene, environment=project(scene.environment, scene.order))
     if Effect.PERSPECTIVE in without:
         scene = distant(scene)
-    return scene if Effect.SUBSURFACE in scene.effects else opaque(scene)
+    if Effect.SUBSURFACE not in scene.effects and scene.material.medium is not None:
+        scene = opaque(scene)
+    return scene
 
 
 def distant(scene: Scene) -> Scene:

@@ -60,7 +60,10 @@ def built(
         (LEAF, "lambertian", (SHADOWS, Effect.INTERREFLECTION), {SHADOWS, Effect.INTERREFLECTION}),
         (SOLID, WAX, None, {INSIDE}),
         (SOLID, WAX, (INSIDE,), {INSIDE}),
-        (SOLID, WAX, (SHADOWS,), {SHADOWS}),
+        (SOLID, WAX, (SHADOWS,), set[Effect]()),
+        (replace(SOLID, convex=False), WAX, (SHADOWS,), {SHADOWS}),
+        (replace(SOLID, convex=False), WAX, None, {INSIDE}),
+        (replace(SOLID, convex=False), WAX, (INSIDE, SHADOWS), {INSIDE}),
         (LEAF, WAX, (SHADOWS,), {SHADOWS}),
     ],
 )
