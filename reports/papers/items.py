@@ -57,6 +57,13 @@ class Law(StrEnum):
     POWER = "power"
 
 
+class Side(StrEnum):
+    """Of a range."""
+
+    BELOW = "below"
+    ABOVE = "above"
+
+
 @dataclass(frozen=True)
 class Because:
     """Where the number stands that was measured behind a `why`."""
@@ -128,6 +135,8 @@ class Trend:
         Of a power law y ~ x^exponent: what theory says, and between what the fitted exponent must lie.
     slack : float
         Of "falls" and "rises": the share by which one step may go the other way.
+    why_if : Side or None
+        Where the exponent must lie, below or above its range, for `why` to be the cause; None: anywhere.
     """
 
     what: str
@@ -144,6 +153,7 @@ class Trend:
     slack: float = 0.0
     printed: Points | None = None
     why: str = ""
+    why_if: Side | None = None
     because: Because | None = None
 
     def __post_init__(self) -> None:

@@ -12,7 +12,7 @@ import numpy as np
 from envbench.papers import Found
 from envbench.records import Study
 from reports.numerals import three
-from reports.papers.items import Because, Entry, Item, Kind, Law, Paper, Ratio, Rule, Take, Trend, Value, Where
+from reports.papers.items import Because, Entry, Item, Kind, Law, Paper, Ratio, Rule, Side, Take, Trend, Value, Where
 
 Cell = str | float | int | bool | None
 
@@ -355,9 +355,9 @@ def _trend(entry: Trend, found: Found) -> Part:
     words = interval
     if not holds:
         edge = entry.low if ours.exponent < entry.low else entry.high
-        words = _differs(
-            f"by {three(ours.exponent - edge)} from the range ({interval})", entry.why, entry.because, found
-        )
+        side = Side.BELOW if ours.exponent < entry.low else Side.ABOVE
+        why, because = (entry.why, entry.because) if entry.why_if in (None, side) else ("", None)
+        words = _differs(f"by {three(ours.exponent - edge)} from the range ({interval})", why, because, found)
     return Part(entry.what, entry.kind, printed, ours.exponent, rule, _trend_verdict(holds), words, sources)
 
 

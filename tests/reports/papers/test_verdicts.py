@@ -117,6 +117,13 @@ def test_a_printed_curve_is_fitted_beside_ours(verdict) -> None:
     assert part.ours == pytest.approx(2.0)
 
 
+@pytest.mark.parametrize(("side", "told"), [("above", True), ("below", False)])
+def test_the_cause_of_a_difference_is_told_on_its_side_only(verdict, side: str, told: bool) -> None:
+    text = trend("power", more=f'low = 0.8\nhigh = 1.2\nwhy = "squares"\nwhy_if = "{side}"')
+    words = verdict(text).parts[0].words
+    assert ("squares" in words, "its cause was not measured" in words) == (told, not told)
+
+
 def ratio(more: str = "") -> str:
     return f'[[ratios]]\nwhat = "r"\ncolumn = "seconds"\nof = {{ N = 4 }}\nover = {{ N = 2 }}\n{more}\n'
 
