@@ -180,3 +180,20 @@ def test_contributions_are_those_of_all_effects_at_all_points(mi: ModuleType) ->
     power = np.sqrt((found.radiance**2).mean())
     told = by_effect(found.scene)
     assert np.sqrt((found.differences[B] ** 2).mean()) / power == pytest.approx(told[B].contribution, rel=0.3)
+
+
+def test_light_that_scatters_inside_is_held_against_an_opaque_surface(mi: ModuleType) -> None:
+    wax = {"kind": "translucent", "reflectance": [0.8] * 3, "mean_free_path": 0.05, "albedo": 1.0}
+    lit = CATALOGUE.scene(
+        name="wax",
+        light={"kind": "projected", "of": "studio", "order": 6},
+        material=wax,
+        geometry=CATALOGUE.geometries["slab-waffle"],
+        view={"kind": "image", "size": 32, "direction": [0.2, -0.5, 1.0]},
+    )
+    for plan in (Plan.AUTO, Plan.ALL):
+        made = planned(lit, EffectSettings(plan=plan), ReferenceSettings())
+        assert made.effects == {Effect.SUBSURFACE}
+    probed = by_effect(planned(lit, EffectSettings(), ReferenceSettings()))[Effect.SUBSURFACE]
+    assert probed.basis is Basis.PROBE
+    assert probed.low > 0.1
