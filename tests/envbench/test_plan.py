@@ -187,9 +187,7 @@ def test_studies_are_the_catalogues_each_once_and_need_no_scene(planned) -> None
     assert (work.studies, work.cells) == (("claimed-orders", "microfacet-orders"), ())
     assert planned(TWO, 'studies = ["claimed-orders"]\n' + SUITE).studies == ("claimed-orders",)
     assert planned(TWO, 'studies = ["claimed-orders"]\n' + SUITE, methods=("own",)).studies == ()
-    with pytest.raises(
-        BadInput, match=r"unknown study 'orders': did you mean 'radial-orders'\? Known: "
-    ):
+    with pytest.raises(BadInput, match=r"unknown study 'orders': did you mean 'radial-orders'\? Known: "):
         planned('studies = ["orders"]', "")
     with pytest.raises(BadInput, match="studies must be a valid array"):
         planned('studies = "claimed-orders"', "")
