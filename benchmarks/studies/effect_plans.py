@@ -19,7 +19,7 @@ from methods.ldprt import LDPRT
 from methods.ldprt.simulated import SIMULATIONS
 from references import reference
 
-KNOWN = ReferenceSettings(floor=5e-3, budget=60.0, bounces=16)
+KNOWN = ReferenceSettings(floor=1e-2, budget=20.0, bounces=16)
 """As many bounces as diffuse transfer knows, where everything is on."""
 PLANNING = EffectSettings()
 """Accuracy .05: the tolerance is .005."""
