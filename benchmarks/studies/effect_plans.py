@@ -19,8 +19,9 @@ from methods.ldprt import LDPRT
 from methods.ldprt.simulated import SIMULATIONS
 from references import reference
 
-KNOWN = ReferenceSettings(floor=1e-2, budget=20.0, bounces=16)
-"""As many bounces as diffuse transfer knows, where everything is on."""
+KNOWN = ReferenceSettings(floor=1e-2, budget=20.0, bounces=8)
+RAYS = 1000
+"""From each vertex, of the transfer that is timed."""
 PLANNING = EffectSettings()
 """Accuracy .05: the tolerance is .005."""
 MOST_SHARE = 0.05
@@ -76,7 +77,7 @@ def effects_known() -> Study:
         "effects-known",
         "Effects planned on scenes of known answer",
         f"Tolerance {PLANNING.limit:g} of the RMS radiance. Times are those of the reference (noise floor "
-        f"{KNOWN.floor:g}), and of diffuse transfer where the material is diffuse and the shape a mesh: with the "
+        f"{KNOWN.floor:g}), and of diffuse transfer ({RAYS:,} rays a vertex) where the material is diffuse and the shape a mesh: with the "
         f"effects planned, and with everything on, shadows and {KNOWN.bounces} bounces whatever the shape.",
         ("scene", "known to matter", "planned", "as known", "why", "difference", "within tolerance and noise",
          "planned (s)", "everything on (s)", "probes (s)", "times faster", "visibility rays"),
@@ -161,12 +162,12 @@ def apart(full: Reference, other: Reference) -> float:
     return float(np.sqrt(max((square * full.weight).sum(), 0.0))) / (full.rms or 1.0)
 
 
-def transfer_seconds(scene: Scene, rays: int = 5000) -> float:
+def transfer_seconds(scene: Scene) -> float:
     """Return what simulating the transfer takes that a scene calls for: 0 where it is not diffuse, or no mesh."""
     diffuse = all(isinstance(lobe, Lambertian) for lobe in scene.material.lobes)
     if not diffuse or scene.geometry.mesh is None:
         return 0.0
     SIMULATIONS.kept.clear()
     start = time.perf_counter()
-    LDPRT(lobes=1, rays=rays).called_for(scene).prepare(scene.material, scene.geometry.rest)
+    LDPRT(lobes=1, rays=RAYS).called_for(scene).prepare(scene.material, scene.geometry.rest)
     return time.perf_counter() - start

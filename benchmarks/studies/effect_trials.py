@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from benchmarks import CATALOGUE
-from benchmarks.studies.effect_plans import transfer_seconds
+from benchmarks.studies.effect_plans import RAYS, transfer_seconds
 from benchmarks.studies.effect_scenes import drawn
 from envbench.directions import Array
 from envbench.effects import EffectSettings, Probe
@@ -20,8 +20,8 @@ from references.effects.probe import Estimators, Looks, Variant, look
 SCENES = 200
 TOLERANCES = 0.02, 0.005, 0.00125
 SETTINGS = ReferenceSettings(floor=1e-2, budget=20.0, bounces=4)
-SAMPLES, RAYS = 64, 1000
-"""A point of each replicate, for what effects truly contribute; and from each vertex, for the time of transfer."""
+SAMPLES = 64
+"""A point of each replicate, for what effects truly contribute."""
 NOISE = 5e-4
 """Of what is truly contributed, or less: paired renderings share most of their noise."""
 MOST_MISSED, MOST_NEEDLESS, LEAST_GAIN = 0.01, 0.2, 2.0
@@ -76,7 +76,7 @@ class Truth:
         key = scene.effects, bounced, scene.geometry.posed.convex
         if key not in self.timed:
             reference(scene, replace(SETTINGS, floor=1.0))  # compiles its kernels
-            self.timed[key] = reference(scene, SETTINGS).seconds + transfer_seconds(scene, RAYS)
+            self.timed[key] = reference(scene, SETTINGS).seconds + transfer_seconds(scene)
         return self.timed[key]
 
     def _by_bounce(self, effects: frozenset[Effect]) -> Array:
