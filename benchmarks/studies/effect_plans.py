@@ -77,8 +77,9 @@ def effects_known() -> Study:
         "effects-known",
         "Effects planned on scenes of known answer",
         f"Tolerance {PLANNING.limit:g} of the RMS radiance. Times are those of the reference (noise floor "
-        f"{KNOWN.floor:g}), and of diffuse transfer ({RAYS:,} rays a vertex) where the material is diffuse and the shape a mesh: with the "
-        f"effects planned, and with everything on, shadows and {KNOWN.bounces} bounces whatever the shape.",
+        f"{KNOWN.floor:g}), and of diffuse transfer ({RAYS:,} rays a vertex) where the material is diffuse and the "
+        f"shape a mesh: with the effects planned, and with everything on, shadows and {KNOWN.bounces} bounces whatever "
+        "the shape.",
         ("scene", "known to matter", "planned", "as known", "why", "difference", "within tolerance and noise",
          "planned (s)", "everything on (s)", "probes (s)", "times faster", "visibility rays"),
         tuple(rows),
