@@ -24,6 +24,8 @@ RAYS = 1000
 """From each vertex, of the transfer that is timed."""
 PLANNING = EffectSettings()
 """Accuracy .05: the tolerance is .005."""
+ORDER = 0.75
+"""With which the noise of a reference falls, about, by its samples."""
 MOST_SHARE = 0.05
 """Of what is saved, that probes may cost."""
 LEAST_GAIN = 3.0
@@ -77,7 +79,7 @@ def effects_known() -> Study:
         "effects-known",
         "Effects planned on scenes of known answer",
         f"Tolerance {PLANNING.limit:g} of the RMS radiance. Times are those of the reference (noise floor "
-        f"{KNOWN.floor:g}), and of diffuse transfer ({RAYS:,} rays a vertex) where the material is diffuse and the "
+        f"{KNOWN.floor:g}, to which times of more or less noise are brought), and of diffuse transfer ({RAYS:,} rays a vertex) where the material is diffuse and the "
         f"shape a mesh: with the effects planned, and with everything on, shadows and {KNOWN.bounces} bounces whatever "
         "the shape.",
         ("scene", "known to matter", "planned", "as known", "why", "difference", "within tolerance and noise",
@@ -130,7 +132,7 @@ def compare(scene: Scene, planning: EffectSettings, settings: ReferenceSettings)
         reference(each, replace(settings, floor=1.0))
     some = reference(planned, settings)
     if _alike(planned, everything, settings):
-        seconds = some.seconds + transfer_seconds(planned)
+        seconds = at_floor(some, settings) + transfer_seconds(planned)
         return Outcome(planned, 0.0, planning.limit, seconds, seconds, _probed(planned), some.visibility_rays)
     every = reference(everything, settings)
     noise = np.hypot(some.floor, every.floor)
@@ -138,8 +140,8 @@ def compare(scene: Scene, planning: EffectSettings, settings: ReferenceSettings)
         planned,
         apart(every, some),
         planning.limit + float(noise),
-        some.seconds + transfer_seconds(planned),
-        every.seconds + transfer_seconds(everything),
+        at_floor(some, settings) + transfer_seconds(planned),
+        at_floor(every, settings) + transfer_seconds(everything),
         _probed(planned),
         some.visibility_rays,
     )
@@ -154,6 +156,13 @@ def _alike(planned: Scene, everything: Scene, settings: ReferenceSettings) -> bo
 
 def _probed(scene: Scene) -> float:
     return sum(d.seconds for d in scene.decisions)
+
+
+def at_floor(made: Reference, settings: ReferenceSettings) -> float:
+    """Return the seconds that a reference of just the floor asked for takes: samples come in powers of four, and noise
+    falls with their number to the power of `ORDER`. One without noise takes what it took.
+    """
+    return made.seconds * (made.floor / settings.floor) ** (1 / ORDER) if made.floor > 0 else made.seconds
 
 
 def apart(full: Reference, other: Reference) -> float:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from benchmarks import CATALOGUE
-from benchmarks.studies.effect_plans import RAYS, transfer_seconds
+from benchmarks.studies.effect_plans import RAYS, at_floor, transfer_seconds
 from benchmarks.studies.effect_scenes import drawn
 from envbench.directions import Array
 from envbench.effects import EffectSettings, Probe
@@ -76,7 +76,7 @@ class Truth:
         key = scene.effects, bounced, scene.geometry.posed.convex
         if key not in self.timed:
             reference(scene, replace(SETTINGS, floor=1.0))  # compiles its kernels
-            self.timed[key] = reference(scene, SETTINGS).seconds + transfer_seconds(scene)
+            self.timed[key] = at_floor(reference(scene, SETTINGS), SETTINGS) + transfer_seconds(scene)
         return self.timed[key]
 
     def _by_bounce(self, effects: frozenset[Effect]) -> Array:
