@@ -78,10 +78,10 @@ def effects_known() -> Study:
     return Study(
         "effects-known",
         "Effects planned on scenes of known answer",
-        f"Tolerance {PLANNING.limit:g} of the RMS radiance. Times are those of the reference (noise floor "
-        f"{KNOWN.floor:g}, to which times of more or less noise are brought), and of diffuse transfer ({RAYS:,} rays a vertex) where the material is diffuse and the "
-        f"shape a mesh: with the effects planned, and with everything on, shadows and {KNOWN.bounces} bounces whatever "
-        "the shape.",
+        f"Tolerance {PLANNING.limit:g} of the RMS radiance. Times are those of the reference, brought to a noise floor "
+        f"of {KNOWN.floor:g} where it has less or more, and of diffuse transfer ({RAYS:,} rays a vertex) where the "
+        "material is diffuse and the shape a mesh: with the effects planned, and with everything on, shadows and "
+        f"{KNOWN.bounces} bounces whatever the shape.",
         ("scene", "known to matter", "planned", "as known", "why", "difference", "within tolerance and noise",
          "planned (s)", "everything on (s)", "probes (s)", "times faster", "visibility rays"),
         tuple(rows),
