@@ -16,7 +16,7 @@ from envbench.directions import Array, normalised, upright
 from envbench.environment import Environment
 from envbench.records import Picture, Study
 from envbench.reference import ReferenceSettings
-from envbench.scene import Scene
+from envbench.scene import FREE, Scene
 from envbench.tonemap import displayed, exposure
 from methods.shrm import SHRMGlobal
 from references import reference
@@ -73,7 +73,7 @@ def figure_1(
     for light, spec in lights.items():
         tiles: list[Tile] = []
         for called, material in materials.items():
-            shown = scene(spec, material, geometry, view, effects=())
+            shown = scene(spec, material, geometry, view, effects=tuple(FREE))
             P = FIBRE_ORDER if material == "kajiya-kay" else VIEW_ORDER
             method = SHRMGlobal(order=ORDER, view_order=P, size=SIZE)
             if called not in prepared:

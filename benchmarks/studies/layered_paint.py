@@ -32,6 +32,7 @@ from envbench.directions import Array, normalised
 from envbench.material import Centre
 from envbench.records import Picture, Study
 from envbench.reference import ReferenceSettings
+from envbench.scene import FREE
 from envbench.tonemap import displayed, exposure
 from methods.cabral import Cabral
 from methods.cabral.sources import integrated, queries
@@ -64,7 +65,7 @@ def figure_3(name: str, geometry: str = "bunny", size: int = 192) -> Study:
     relit = None
     for number, towards in enumerate(VIEWS, 1):
         view: Spec = {"kind": "image", "size": size, "direction": list(towards)}
-        shown = scene(LIGHT, PAINT, geometry, view, effects=())
+        shown = scene(LIGHT, PAINT, geometry, view, effects=tuple(FREE))
         if relit is None:
             relit = METHOD.relight(METHOD.prepare(shown.material, shown.geometry.rest), shown.environment)
         found = np.asarray(METHOD.shade(METHOD.frame(relit, shown.viewer), shown.points), float)
