@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from benchmarks.catalogue import CATALOGUE
+from benchmarks import CATALOGUE
 from envbench.records import Study
 from methods.irradiance import ORDER, Irradiance, clamped_cosine
 from methods.shrm.predictions import light_power
