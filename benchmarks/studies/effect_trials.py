@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 from benchmarks import CATALOGUE
 from benchmarks.studies.effect_plans import RAYS, at_floor, transfer_seconds
 from benchmarks.studies.effect_scenes import drawn
+from envbench.attribution import RESTS_ON
 from envbench.directions import Array
 from envbench.effects import EffectSettings, Probe
 from envbench.records import Study
@@ -102,9 +103,14 @@ class Tally:
     everything: float = 0.0
     probes: float = 0.0
 
-    def count(self, decision: Decision, truth: Truth, tolerance: float) -> None:
-        """Judge one decision."""
+    def count(self, decision: Decision, simulated: Collection[Effect], truth: Truth, tolerance: float) -> None:
+        """Judge one decision beside what is `simulated`: an effect whose ground is left out has nothing to act on.
+
+        Shadows that a pose moves, for one, where none matter; that it was right to leave them out is judged by itself.
+        """
         effect = decision.effect
+        if effect in RESTS_ON and RESTS_ON[effect] not in simulated:
+            return
         self.undecided += decision.simulated and "undecided" in decision.reason
         if decision.simulated:
             self.simulated += 1
@@ -129,7 +135,7 @@ def effects_random(scenes: int = SCENES, first: int = 0, told: Callable[[str], N
             planning = EffectSettings(tolerance=tolerance, probe=Probe.ALL)
             plan = CATALOGUE.effects(scene, planning, SETTINGS, None)
             for decision in plan.decisions:
-                tally.count(decision, truth, tolerance)
+                tally.count(decision, plan.effects, truth, tolerance)
             off = truth.off(plan)
             tally.within += off <= tolerance + NOISE
             tally.planned += truth.seconds(plan)

@@ -42,6 +42,8 @@ def test_decisions_are_judged_by_what_effects_truly_contribute() -> None:
         Decision(Effect.INTERREFLECTION, True, Basis.PROBE, "undecided within its budget", bounces=2),
         Decision(Effect.ANISOTROPY, False, Basis.FACT, ""),
     ):
-        tally.count(decision, _Truth(), tolerance)  # pyright: ignore[reportArgumentType]
+        tally.count(decision, {Effect.SELF_SHADOWING}, _Truth(), tolerance)  # pyright: ignore[reportArgumentType]
+    nothing_to_act_on = Decision(Effect.DEFORMATION, False, Basis.PROBE, "")
+    tally.count(nothing_to_act_on, set[Effect](), _Truth(), tolerance)  # pyright: ignore[reportArgumentType]
     assert (tally.left_out, tally.missed, tally.simulated, tally.needless, tally.undecided) == (3, 1, 1, 1, 1)
     assert tally.worst == pytest.approx(1.5)
