@@ -23,21 +23,29 @@ from numpy.typing import NDArray
 import data_gen.boundary
 import data_gen.environments.projected
 import data_gen.geometry.mitsuba_shape
+import data_gen.lattice
 import data_gen.mitsuba_bsdf
+import data_gen.mitsuba_diffuse
 import data_gen.mitsuba_estimator
 import data_gen.mitsuba_light
 import data_gen.mitsuba_volume
 import envbench.arrays
 import envbench.material
+import references.allocation
 import references.closed_form
 import references.effects.facts
 import references.effects.without
+import references.estimators
 import references.mitsuba_direct as direct
 from envbench.reference import Reference, ReferenceSettings
 from envbench.scene import Effect, Scene
 
 SOURCES = (
     direct,
+    references.allocation,
+    references.estimators,
+    data_gen.lattice,
+    data_gen.mitsuba_diffuse,
     references.closed_form,
     references.effects.facts,
     references.effects.without,
@@ -75,6 +83,7 @@ def provenance(scene: Scene, settings: ReferenceSettings) -> dict[str, Any]:
         "uv": _digest_of(scene.points.uv) if scene.material.transparency and scene.points.uv is not None else None,
         "effects": sorted(scene.effects),
         "bounces": scene.bounces,
+        "heeded": scene.heeded,
         "order": scene.order,
         "viewer": None if scene.viewer is None else repr(scene.viewer),
         **_how(scene),

@@ -14,7 +14,7 @@ from functools import lru_cache
 import numpy as np
 
 from data_gen.lobes import Lambertian, Membrane
-from envbench import latlong, real_harmonics
+from envbench import harmonics, latlong, real_harmonics
 from envbench.directions import Array
 from envbench.environment import Environment
 from envbench.geometry import Points
@@ -31,6 +31,19 @@ def diffuse(material: Material) -> bool:
     return material.medium is None and all(isinstance(lobe, Lambertian | Membrane) for lobe in material.lobes)
 
 
+def by_normal(material: Material, environment: Environment, height: int) -> Array:
+    """Return the radiance of unshadowed diffuse points by their normal, a lat-long map (H, 2 H, 3): see `radiance`."""
+    alm = harmonics.analyse(environment.radiance.astype(np.float64), DEGREE)
+    l, _ = harmonics.degrees(DEGREE)
+    found = np.empty((height, 2 * height, 3))
+    for channel, factors in enumerate(_by_band(material).T):
+        banded = np.empty((1, height, 2 * height))
+        own = (alm[channel : channel + 1] * factors[l]).astype(complex)
+        harmonics.synthesise(own, 0, DEGREE, banded, harmonics.threads())
+        found[..., channel] = banded[0]
+    return found
+
+
 def radiance(material: Material, environment: Environment, points: Points) -> tuple[Array, float]:
     """Return the radiance (n, 3) of unshadowed diffuse points, and the most that it errs by anywhere.
 
@@ -38,13 +51,20 @@ def radiance(material: Material, environment: Environment, points: Points) -> tu
     """
     light = real_harmonics.project(environment.radiance.astype(np.float64), DEGREE)
     band = np.repeat(np.arange(DEGREE + 1), 2 * np.arange(DEGREE + 1) + 1)
-    factors = sum(
+    values = real_harmonics.basis(DEGREE, points.normal).T @ (_by_band(material)[band] * light)
+    return values, error(material, environment)
+
+
+def error(material: Material, environment: Environment) -> float:
+    """Return the most that the radiance of `radiance` errs by at any normal."""
+    return _beyond(environment) * sum(max(lobe.reflectance) * _tail(_transparency(lobe)) for lobe in material.lobes)
+
+
+def _by_band(material: Material) -> Array:
+    """Return rho_l of a material by channel, (F + 1, 3)."""
+    return sum(
         (_factors(_transparency(lobe))[: DEGREE + 1, None] * np.asarray(lobe.reflectance) for lobe in material.lobes),
         np.zeros((DEGREE + 1, 3)),
-    )
-    values = real_harmonics.basis(DEGREE, points.normal).T @ (factors[band] * light)
-    return values, _beyond(environment) * sum(
-        max(lobe.reflectance) * _tail(_transparency(lobe)) for lobe in material.lobes
     )
 
 

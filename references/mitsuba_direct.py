@@ -1,7 +1,6 @@
 """Ground truth by Mitsuba: reflected radiance at the query points, with its noise, from as many samples as it takes.
 
-Each sample of the light is joined by one of the lobes (`data_gen.mitsuba_estimator`), except where the light alone
-serves better: wide lobes, as a pilot tells.
+How light is sampled, and in how many parts, is what serves the scene best (`references.estimators`).
 
 What is simulated follows the scene's effects:
 
@@ -25,46 +24,32 @@ surface that nothing shadows, under a light of few bands, is not sampled at all 
 
 from __future__ import annotations
 
-import math
 import time
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from data_gen.lobes import Lambertian, Membrane
-from data_gen.mitsuba_estimator import Estimator, Surface
-from data_gen.mitsuba_volume import Scattering
-from envbench.directions import Array
+from data_gen.mitsuba_estimator import Estimator
 from envbench.reference import Reference, ReferenceSettings
-from envbench.scene import Effect, Scene
+from envbench.scene import Scene
 from references import closed_form
-from references.effects.without import left_out, simulated
+from references.allocation import MOST, SECOND, Part, planned
+from references.effects.without import simulated
+from references.estimators import FIRST, estimators_for, surface_for
 
 _EXACT = 0.1
 """Part of the noise floor asked for that a closed form may err by, at any point."""
-_FIRST = 64
-"""Samples a point that a first look takes; a power of four."""
-_MOST = 4**10
-"""Samples a point in one replicate, at most."""
-_SECOND = 4
-"""How many times the samples of the first look a second one takes, where many more are to come."""
 _GROWTH = 100
 """Most that the samples of one step exceed those of the step that it is planned from."""
 _MARGIN = 0.87
 """Of the target is planned for: points whose noise was measured too low by chance get too few samples."""
-_NARROW = 0.5
-"""Half-angle, in radians, of a cone that holds 90 % of a lobe, below which lobes are always sampled."""
-_PILOT, _PILOT_REPLICATES = 512, 8
-"""Points and replicates of the pilot that decides whether wider lobes are sampled."""
-_COST = 2.0
-"""How much longer a sample takes with one of the lobes; noise falls as N^-0.7, so that it may be 2^0.7 times less."""
 
 
 def render(scene: Scene, settings: ReferenceSettings, key: str = "") -> Reference:
     """Sample until the noise floor reaches its target or the budget ends.
 
-    Each step renders afresh, with the samples that the noise of the step before calls for, most where it was highest.
+    Each step renders afresh, with the samples that the noise of the step before calls for, most where it was highest
+    (`references.allocation`).
     As no estimate enters the plan of its own samples, all stay unbiased.
 
     Parameters
@@ -93,73 +78,52 @@ def render(scene: Scene, settings: ReferenceSettings, key: str = "") -> Referenc
     exact = _exact(scene, result)
     if exact is not None:
         return replace(exact, seconds=time.perf_counter() - started)
-    estimator = estimator_for(scene, settings.variant, settings.seed, settings.bounces)
     modulation = 1.0 if scene.points.modulation is None else scene.points.modulation
-    first = _FIRST // 4 if settings.variant.startswith("scalar") else _FIRST
-    samples = np.full(len(scene.points), first)
-    goal, order, before, rays = _MARGIN * settings.floor, estimator.order, (0, 0.0), 0
+    parts = [Part(e, np.full(len(scene.points), _first(e))) for e in estimators_for(scene, settings)]
+    goal, rays, looks = _MARGIN * settings.floor, 0, 0
     while True:
-        seeds = np.random.SeedSequence((settings.seed, int(samples.sum()))).spawn(settings.replicates)
-        estimates: list[Array] = []
-        step = 0.0
-        for seed in seeds:
-            estimates.append(estimator.replicate(scene.points, samples, seed) * modulation)
-            step = step or time.perf_counter()  # a first replicate may have had to compile: what comes has not
-        replicates = np.stack(estimates)
-        rays += estimator.rays * int(samples.sum()) * settings.replicates
-        now = time.perf_counter()
+        rays += sum(part.sample(scene.points, settings, place) for place, part in enumerate(parts))
+        replicates = np.sum([part.replicates for part in parts], axis=0) * modulation
         result = replace(
             result,
             replicates=replicates.astype(np.float32).astype(np.float64),
-            samples=round(samples.mean()),
-            seconds=now - started,
+            samples=round(sum(part.samples.mean() for part in parts)),
+            seconds=time.perf_counter() - started,
             visibility_rays=rays,
         )
         if result.floor <= settings.floor:
             return result
-        if before[0] == first:
-            measured = math.log(before[1] / result.floor) / math.log(result.samples / before[0])
-            order = min(max(measured, estimator.order), 1.0)
-        elif before[0]:  # a plan that fell short is not made again, but with a lower goal
+        looks += 1
+        powers = [part.power(scene.points.weight, modulation) for part in parts]
+        if looks == 2:
+            for part, power in zip(parts, powers, strict=True):
+                part.learn_order(power)
+        elif looks > 2:  # a plan that fell short is not made again, but with a lower goal
             goal *= settings.floor / result.floor
-        cost = (now - step) * settings.replicates / (settings.replicates - 1)
-        affordable = 0.9 * (settings.budget - result.seconds) / cost
-        planned, floor = _plan(result, samples, order, goal, min(affordable, _GROWTH))
-        if not before[0] and planned.mean() > 2 * _SECOND * first and affordable > 2 * _SECOND:
-            planned = _SECOND * samples  # a second look, at the same samples everywhere, shows the order
-        before = result.samples, result.floor
+        spent = sum(part.spent for part in parts)
+        left = 0.9 * (settings.budget - result.seconds) / settings.replicates
+        affordable = left / sum(part.seconds for part in parts)
+        target = goal * result.rms if result.rms > 0 else goal
+        samples, noise = planned(parts, powers, target, min(affordable, _GROWTH) * spent)
+        floor = noise / (result.rms or 1.0)
         if floor > settings.floor and floor > 0.9 * result.floor:
-            end = f"{_MOST} samples a point" if samples.max() == _MOST else f"the budget of {settings.budget:g} s"
+            most = max(part.samples.max() for part in parts) == MOST
+            end = f"{MOST} samples a point" if most else f"the budget of {settings.budget:g} s"
             note = f"noise floor {result.floor:.1e} instead of {settings.floor:.1e}: {end} came first"
             return replace(result, notes=(note,))
-        samples = planned
+        for part, power, wanted in zip(parts, powers, samples, strict=True):
+            part.plan(wanted, power, second=looks == 1 and affordable > 2 * SECOND)
 
 
-def surface_for(scene: Scene, variant: str, bounces: int) -> Surface:
-    """Return what reflects in a scene: its material, what its effects let shadow it, and what is averaged over."""
-    without = left_out(scene)
-    bare = Surface(
-        simulated(scene).material, None, variant,
-        any_view=Effect.VIEW_DEPENDENCE in without, any_tangent=Effect.ANISOTROPY in without,
-    )  # fmt: skip
-    carried = scene.geometry.pose is not None and Effect.DEFORMATION not in scene.effects
-    shape = scene.geometry.rest if carried else scene.geometry.posed
-    if Effect.SUBSURFACE in scene.effects:
-        return replace(bare, occluder=shape.mesh, carried=carried)
-    if not scene.effects & {Effect.SELF_SHADOWING, Effect.INTERREFLECTION}:
-        return bare
-    if shape.convex:
-        return bare
-    often = bounces if scene.bounces is None else scene.bounces
-    return replace(
-        bare, occluder=shape.mesh, carried=carried, bounces=often if Effect.INTERREFLECTION in scene.effects else 0
-    )
+def _first(estimator: Estimator) -> int:
+    """Return the samples a point of a first look: fewer where each is dear."""
+    return FIRST // 4 if estimator.surface.variant.startswith("scalar") or estimator.least else FIRST
 
 
 def _exact(scene: Scene, empty: Reference) -> Reference | None:
     """Return the reference in closed form, all replicates equal; None where there is none, or none exact enough."""
     material = scene.material
-    if not closed_form.diffuse(material) or material.transparency is not None:
+    if not scene.heeded or not closed_form.diffuse(material) or material.transparency is not None:
         return None
     if surface_for(scene, "scalar_rgb", 0).occluder is not None:
         return None
@@ -169,53 +133,3 @@ def _exact(scene: Scene, empty: Reference) -> Reference | None:
     exact = np.broadcast_to(values.astype(np.float32).astype(np.float64), empty.replicates.shape)
     found = replace(empty, replicates=exact, notes=(f"in closed form, to {error:.1e} at every point",))
     return found if error <= _EXACT * empty.target * found.rms else None
-
-
-def estimator_for(scene: Scene, variant: str, seed: int = 0, bounces: int = ReferenceSettings.bounces) -> Estimator:
-    """Return the estimator that serves a scene best: with samples of the lobes, unless a pilot does well without.
-
-    Where the light's samples miss a peak they seem less noisy than they are; so their error is taken from the mean of
-    the other estimate too, which finds all peaks. The choice rests on noise alone and is the same on every machine.
-    """
-    scene = simulated(scene)
-    surface = surface_for(scene, variant, bounces)
-    if Effect.SUBSURFACE in scene.effects:
-        return Scattering(surface, scene.environment)
-    both = Estimator(surface, scene.environment)
-    light = replace(both, sample_lobes=False)
-    if all(isinstance(lobe, Lambertian | Membrane) for lobe in scene.material.lobes):
-        return light
-    if variant.startswith("scalar") or any(lobe.cone(0.1) < _NARROW for lobe in scene.material.lobes):
-        return both
-    points = scene.points.spread(_PILOT)
-    seeds = np.random.SeedSequence((seed, _PILOT)).spawn(2 * _PILOT_REPLICATES)
-    looks = np.array([
-        [estimator.replicate(points, _FIRST, child) for child in seeds[half::2]]
-        for half, estimator in enumerate((both, light))
-    ])  # fmt: skip
-    variance = (looks.var(1, ddof=1) / _PILOT_REPLICATES).mean((1, 2))
-    missed = ((looks[1].mean(0) - looks[0].mean(0)) ** 2).mean() - variance[0]
-    return light if max(variance[1], missed) < _COST ** (2 * 0.7) * variance[0] else both
-
-
-def _plan(
-    measured: Reference, samples: NDArray[np.int_], order: float, goal: float, growth: float
-) -> tuple[NDArray[np.int_], float]:
-    """Return the samples a point, (n,) powers of four, that reach `goal` at the least cost, and the floor expected.
-
-    With a noise of q_i N_i^-p at point i, p the `order`, weighed w_i, the sum of w_i q_i^2 N_i^-2p for a given sum of
-    N_i is least at N_i ~ (w_i q_i^2)^(1 / (2 p + 1)). There are at most `growth` times the `samples` measured with.
-    """
-    power = (measured.standard_error**2).mean(-1) * measured.weight / measured.weight.sum()
-    constant = power * samples ** (2 * order)
-    share = np.maximum(constant, 1e-4 * constant.max()) ** (1 / (2 * order + 1))
-    best = samples, measured.floor
-    for scale in np.geomspace(1, _MOST, 16 * round(math.log2(_MOST))) / share.max():
-        exponents = np.clip(np.round(np.log(scale * share) / np.log(4)), 2, math.log(_MOST, 4))
-        planned = 4 ** exponents.astype(int)
-        if planned.sum() > growth * samples.sum():
-            break
-        best = planned, float(np.sqrt((constant / planned ** (2 * order)).sum())) / (measured.rms or 1.0)
-        if best[1] <= goal:
-            break
-    return best

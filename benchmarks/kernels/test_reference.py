@@ -16,7 +16,7 @@ from envbench.geometry import Geometry
 from envbench.reference import ReferenceSettings
 from envbench.scene import Scene
 from references import reference
-from references.mitsuba_direct import estimator_for
+from references.estimators import estimator_for
 
 Against = Callable[..., float]
 
@@ -47,7 +47,7 @@ def test_reference_to_a_floor(benchmark: Any) -> None:
 def test_samples_beside_mitsubas_direct(against: Against) -> None:
     """1,024 samples at each of 4096 queries, against Mitsuba's own `direct` on rays that meet a sphere there."""
     made = scene()
-    estimator = estimator_for(made, "llvm_ad_rgb")
+    estimator = estimator_for(made, ReferenceSettings())
     mi = llvm.mitsuba()
     parts = {"type": "scene", "light": emitter(made.environment)}
     sphere = {"type": "sphere", "bsdf": bsdf(made.material)}

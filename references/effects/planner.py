@@ -107,7 +107,7 @@ def _all(scene: Scene, known: dict[Effect, Fact]) -> Scene:
         else _by_fact(effect, known[effect], "")
         for effect in Effect
     )
-    return replace(_with(scene, decisions), geometry=unheeded)
+    return replace(_with(scene, decisions), geometry=unheeded, heeded=False)
 
 
 def _held(scene: Scene, settings: EffectSettings) -> Scene:

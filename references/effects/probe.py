@@ -30,7 +30,7 @@ from envbench.scene import Effect, Scene
 from envbench.uncertainty import square, t_quantile
 from references.closed_form import diffuse
 from references.effects.without import simulated
-from references.mitsuba_direct import surface_for
+from references.estimators import surface_for
 
 REPLICATES = 8
 CONFIDENCE = 0.99

@@ -116,6 +116,9 @@ class Scene:
         An effect that the scene has no occasion for makes no difference. By default those that cost nothing.
     order : int
         Bands of the light, l < order, that are left where its detail is not simulated.
+    heeded : bool
+        Whether ground truth makes use of what is known of the scene: closed forms, no rays on convex shapes, samples of
+        each effect by what it contributes. Not where everything is to be simulated, facts unheeded (`Plan.ALL`).
     bounces : int or None
         How often light may come by way of the shape, where the scene calls for inter-reflection and that was worked
         out; None is as the reference's settings say.
@@ -133,3 +136,4 @@ class Scene:
     bounces: int | None = None
     decisions: tuple[Decision, ...] = ()
     order: int = 6
+    heeded: bool = True

@@ -23,7 +23,8 @@ from envbench.geometry import Geometry, Points, TriangleMesh
 from envbench.material import Lobe, Material
 from envbench.reference import ReferenceSettings
 from envbench.scene import FREE, Effect, Scene
-from references.mitsuba_direct import estimator_for, render
+from references.estimators import estimator_for
+from references.mitsuba_direct import render
 from references.quadrature import integrate
 
 MakeScene = Callable[..., Scene]
@@ -31,7 +32,7 @@ K = 8
 
 
 def replicates(scene: Scene, samples: int, sampler: str = "multijitter", variant: str = "llvm_ad_rgb") -> np.ndarray:
-    estimator = replace(estimator_for(scene, variant), sampler=sampler)
+    estimator = replace(estimator_for(scene, ReferenceSettings(variant=variant)), sampler=sampler)
     return np.stack([estimator.replicate(scene.points, samples, seed) for seed in np.random.SeedSequence(5).spawn(K)])
 
 
@@ -169,7 +170,7 @@ class SaysWide(Phong):
 def test_a_pilot_finds_peaks(mi: ModuleType, make_scene: MakeScene, exponent: float, sampled: bool) -> None:
     """The last peak is one that the light's samples of the pilot (512 points, 8 x 64) nearly always miss."""
     scene = make_scene(build(LIGHTS["esplanade"]), SaysWide(exponent=exponent), count=600)
-    assert estimator_for(scene, "llvm_ad_rgb").sample_lobes == sampled
+    assert estimator_for(scene, ReferenceSettings()).sample_lobes == sampled
 
 
 def test_a_texture_modulates(mi: ModuleType, make_scene: MakeScene, lit: Environment) -> None:

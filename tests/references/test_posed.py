@@ -25,7 +25,8 @@ from envbench.reference import ReferenceSettings
 from envbench.scene import FREE, Effect, Scene
 from methods.ldprt.transfer import simulate
 from references.cache import address, provenance
-from references.mitsuba_direct import estimator_for, render
+from references.estimators import estimator_for
+from references.mitsuba_direct import render
 from references.quadrature import integrate
 
 K = 8
@@ -77,7 +78,7 @@ def scene(
 
 
 def replicates(made: Scene, samples: int = 256, bounces: int = 3, seed: int = 5) -> np.ndarray:
-    estimator = estimator_for(made, "llvm_ad_rgb", bounces=bounces)
+    estimator = estimator_for(made, ReferenceSettings(bounces=bounces))
     return np.stack([
         estimator.replicate(made.points, samples, s) for s in np.random.SeedSequence(seed).spawn(K)
     ])  # fmt: skip

@@ -23,7 +23,8 @@ from envbench.reference import ReferenceSettings
 from envbench.scene import Effect, Scene
 from methods import METHODS
 from references.cache import provenance
-from references.mitsuba_direct import estimator_for, render
+from references.estimators import estimator_for
+from references.mitsuba_direct import render
 
 K = 8
 INSIDE = frozenset({Effect.SUBSURFACE})
@@ -70,7 +71,7 @@ def signed_light(order: int = 4) -> Environment:
 
 
 def replicates(made: Scene, samples: int, seed: int = 5) -> np.ndarray:
-    estimator = estimator_for(made, "llvm_ad_rgb")
+    estimator = estimator_for(made, ReferenceSettings())
     assert isinstance(estimator, Scattering)
     return np.stack([estimator.replicate(made.points, samples, s) for s in np.random.SeedSequence(seed).spawn(K)])
 

@@ -20,7 +20,7 @@ from envbench.reference import ReferenceSettings
 from envbench.scene import Scene
 from methods import METHODS
 from references.cache import provenance
-from references.mitsuba_direct import estimator_for
+from references.estimators import estimator_for
 from references.quadrature import integrate
 
 K = 8
@@ -54,7 +54,7 @@ def smooth(order: int = 4) -> Environment:
 
 
 def replicates(made: Scene, samples: int = 1024) -> np.ndarray:
-    estimator = estimator_for(made, "llvm_ad_rgb")
+    estimator = estimator_for(made, ReferenceSettings())
     return np.stack([estimator.replicate(made.points, samples, s) for s in np.random.SeedSequence(3).spawn(K)])
 
 

@@ -20,7 +20,8 @@ from envbench.material import Lobe, Material
 from envbench.reference import ReferenceSettings
 from envbench.scene import FREE, Effect, Scene
 from references.effects.without import simulated
-from references.mitsuba_direct import estimator_for, render
+from references.estimators import estimator_for
+from references.mitsuba_direct import render
 from references.quadrature import integrate
 
 K = 8
@@ -42,7 +43,7 @@ def scene(light: Environment, lobes: tuple[Lobe, ...], effects: frozenset[Effect
 
 
 def replicates(made: Scene, samples: int = 1024) -> np.ndarray:
-    estimator = estimator_for(made, "llvm_ad_rgb")
+    estimator = estimator_for(made, ReferenceSettings())
     return np.stack([estimator.replicate(made.points, samples, s) for s in np.random.SeedSequence(5).spawn(K)])
 
 
@@ -127,11 +128,11 @@ def test_bounces_add_up_one_by_one(mi: ModuleType, smooth: Environment, lobe: Lo
     points = Points(position, normal, normal, perpendicular(normal), normal, np.full(n, 1 / n))
     made = Scene("test", smooth, Material("test", (lobe,)), Geometry("corner", mesh, convex=False), points)
     made = replace(made, effects=FREE | {Effect.SELF_SHADOWING, Effect.INTERREFLECTION})
-    parts = estimator_for(made, "llvm_ad_rgb", bounces=3).by_bounce(points, 64, np.random.SeedSequence(2))
+    whole = estimator_for(made, ReferenceSettings(bounces=3))
+    parts = whole.by_bounce(points, 64, np.random.SeedSequence(2))
     assert parts.shape == (4, n, 3)
     for k in range(4):
-        estimator = estimator_for(replace(made, bounces=k), "llvm_ad_rgb", bounces=3)
-        one = estimator.replicate(points, 64, np.random.SeedSequence(2))
+        one = replace(whole, surface=replace(whole.surface, bounces=k)).replicate(points, 64, np.random.SeedSequence(2))
         np.testing.assert_allclose(parts[: k + 1].sum(0), one, rtol=1e-5, atol=1e-6)
     assert parts[1].mean() > 0.01 * parts[0].mean()
 

@@ -1,0 +1,109 @@
+"""Radiance of a diffuse surface under light without detail: what it is unshadowed, and what the shape makes of that.
+
+A diffuse surface that light reaches from everywhere has radiance F(N), known in closed form, which is also the mean of
+w L(s) over directions s drawn by the cosine, w the albedo. Where the shape is in the way at z, its radiance takes the
+place of the light's,
+
+    B(x) = F(N_x) + E[w (B(z) - L(s))],   the expected value over all s, 0 where nothing is in the way,
+
+and B(z) is estimated alike. One ray a bounce does, none goes to the light, and what nothing shadows has no noise.
+Under light with detail L(s) would be too noisy: there the light is sampled too (`data_gen.mitsuba_estimator`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from data_gen.lattice import Lattice
+from data_gen.mitsuba_estimator import Draws, Estimator
+from envbench import llvm
+from envbench.directions import Array
+
+
+@dataclass(frozen=True, eq=False)
+class Diffuse(Estimator):
+    """Radiance of a diffuse surface that shadows itself.
+
+    Attributes
+    ----------
+    unshadowed : (h, w, 3)
+        F by normal, a lat-long map.
+    """
+
+    unshadowed: Array | None = None
+
+    @property
+    def order(self) -> float:
+        return 0.6
+
+    @property
+    def rays(self) -> int:
+        """One for each bounce, and one that finds what is in the way."""
+        return 1 + self.surface.bounces
+
+    @cached_property
+    def _free(self) -> Any:
+        mi = llvm.mitsuba(self.surface.variant)
+        assert self.unshadowed is not None
+        half = self.unshadowed.shape[1] // 2  # beyond a pole a row meets its own half-turned self
+        rows = [np.roll(self.unshadowed[:1], half, 1), self.unshadowed, np.roll(self.unshadowed[-1:], half, 1)]
+        return mi.Texture2f(mi.TensorXf(np.pad(np.concatenate(rows), ((0, 0), (1, 1), (0, 0)), mode="wrap")))
+
+    def _seeds(self, seed: int) -> list[tuple[int, ...]]:
+        return [(seed,)]
+
+    def _sampler(self, mi: Any, samples: int, seed: Any, lanes: int) -> Any:
+        return Lattice.of(mi, lanes, samples, seed)
+
+    def _by_bounce(self, mi: Any, si: Any, place: Any, draws: list[Draws]) -> list[Any]:
+        import drjit as dr
+
+        context, reflector, scene = mi.BSDFContext(), self.surface.bsdf, self.scene
+        _ = self._free  # made before the loop
+        bounces, numbers = self.surface.bounces, draws[0][0]
+
+        def step(depth: Any, active: Any, through: Any, si: Any, where: Any, totals: Any) -> Any:
+            here = replace(place, position=where[0], geometric=where[1], normal=where[2])
+            gained = through * self._at(mi, si.sh_frame.n)
+            across = mi.Point2f(numbers.number(3 * depth), numbers.number(3 * depth + 1))
+            sample, weight = reflector.sample(context, si, numbers.number(3 * depth + 2), across, active)
+            direction = si.to_world(sample.wo)
+            through = through * weight
+            found = scene.ray_intersect(here.ray(mi, direction), active)
+            gained -= dr.select(found.is_valid(), through * self._light(mi, direction), 0)
+            si, here, on = self._reached(mi, found, here, direction)
+            if self.surface.texture is not None:
+                through = through * mi.Color3f(*self.surface.texture.eval(found.uv))
+            totals = [t + dr.select(active & (depth == k), gained, mi.Color3f(0)) for k, t in enumerate(totals)]
+            return depth + 1, active & on, through, si, (here.position, here.geometric, here.normal), totals
+
+        where = place.position, place.geometric, place.normal
+        totals = [mi.Color3f(0) for _ in range(1 + bounces)]
+        state = mi.UInt32(0), mi.Bool(True), mi.Color3f(1), si, where, totals
+        if bounces:
+            return dr.while_loop(state, lambda depth, active, *_: active & (depth <= bounces), step)[5]
+        return step(*state)[5]
+
+    def _at(self, mi: Any, n: Any) -> Any:
+        import drjit as dr
+
+        assert self.unshadowed is not None
+        h, w = self.unshadowed.shape[:2]
+        theta = dr.safe_acos(n.z) / dr.pi
+        phi = dr.atan2(n.y, n.x) / (2 * dr.pi)
+        phi = phi - dr.floor(phi)
+        return mi.Color3f(*self._free.eval(mi.Point2f((phi * w + 1) / (w + 2), (theta * h + 1) / (h + 2))))
+
+    def _light(self, mi: Any, direction: Any) -> Any:
+        import drjit as dr
+
+        seen = dr.zeros(mi.SurfaceInteraction3f)
+        seen.wi = -direction
+        total = mi.Color3f(0)
+        for sign, scene in self._scenes:
+            total += sign * scene.environment().eval(seen)
+        return total
