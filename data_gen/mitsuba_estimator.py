@@ -167,6 +167,8 @@ class Estimator:
     @property
     def order(self) -> float:
         """The order that noise has in the samples under captured light, or more."""
+        if self.surface.occluder is not None and self.surface.bounces:
+            return 0.5
         return 0.8 if self.sample_lobes else 0.6
 
     @property

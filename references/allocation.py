@@ -14,11 +14,14 @@ from data_gen.mitsuba_estimator import Estimator
 from envbench.directions import Array
 from envbench.geometry import Points
 from envbench.reference import ReferenceSettings
+from references.estimators import divided
 
 MOST = 4**10
 """Samples a point in one replicate, at most."""
 SECOND = 4
 """How many times the samples of a first look a second one takes, where many more are to come: it shows the order."""
+QUIET = 0.1
+"""Of the squared noise of direct light, that bounces make at most where they have samples of their own."""
 _STEP = 0.05
 """Of the logarithm of what samples are proportional to: they are powers of four anyway."""
 _LEAST_SHARE = 1e-4
@@ -65,8 +68,21 @@ class Part:
         """What one replicate costs."""
         return self.cost * float(self.samples.sum())
 
-    def sample(self, points: Points, settings: ReferenceSettings, place: int) -> int:
-        """Render all replicates afresh, by seeds of its `place` among the parts; return the visibility rays cast."""
+    def look(self, points: Points, settings: ReferenceSettings) -> tuple[Array, Array]:
+        """Render a first time, and return direct light and what comes by way of the shape, (K, n, 3) each."""
+        samples = int(self.samples[0])
+        made: list[Array] = []
+        started = 0.0
+        for seed in np.random.SeedSequence((settings.seed, int(self.samples.sum()))).spawn(settings.replicates):
+            made.append(self.estimator.by_bounce(points, samples, seed))
+            started = started or time.perf_counter()
+        self.seconds = (time.perf_counter() - started) / (settings.replicates - 1)
+        direct, rest = (np.stack([m[one].sum(0) for m in made]) for one in (slice(1), slice(1, None)))
+        self.replicates = direct + rest
+        return direct, rest
+
+    def sample(self, points: Points, settings: ReferenceSettings, place: int) -> None:
+        """Render all replicates afresh, by seeds of its `place` among the parts."""
         number = int(self.samples.sum())
         seeds = np.random.SeedSequence((settings.seed, number, *[place] * (place > 0))).spawn(settings.replicates)
         made: list[Array] = []
@@ -76,7 +92,11 @@ class Part:
             started = started or time.perf_counter()  # a first replicate may have had to compile: the next have not
         self.seconds = (time.perf_counter() - started) / (len(seeds) - 1)
         self.replicates = np.stack(made)
-        return self.estimator.rays * number * len(seeds)
+
+    @property
+    def rays(self) -> int:
+        """Visibility rays that the replicates took."""
+        return self.estimator.rays * int(self.samples.sum()) * len(self.replicates)
 
     def plan(self, wanted: NDArray[np.int_], power: Array, second: bool) -> None:
         """Take the samples that are wanted next, or where many are and there may be a `second` look, that one."""
@@ -95,6 +115,16 @@ class Part:
         """Return the squared standard error at each point, (n,), mean over channels, times its weight of a sum 1."""
         made = self.replicates * modulation
         return made.var(0, ddof=1).mean(-1) / len(made) * weight / weight.sum()
+
+
+def apart(whole: Part, direct: Array, rest: Array, weight: Array, modulation: Array | float) -> list[Part]:
+    """Return the parts that a first look calls for: direct light and bounces apart where these make little noise."""
+    made = [Part(estimator, whole.samples) for estimator in divided(whole.estimator)]
+    for part, values in zip(made, (direct, rest), strict=True):
+        part.replicates = values
+        part.seconds = whole.seconds * part.cost / sum(p.cost for p in made)
+    noise = [part.power(weight, modulation).sum() for part in made]
+    return made if noise[1] < QUIET * noise[0] else [whole]
 
 
 def planned(

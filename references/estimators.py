@@ -5,8 +5,8 @@ part of the light has the estimator that is cheapest for it:
 
 - a diffuse surface that shadows itself, under light without detail: what the shape changes of the closed form alone,
   one ray a bounce and none to the light (`data_gen.mitsuba_diffuse`);
-- else direct light and what comes by way of the shape are estimated apart, each from samples of its own: the one is
-  cheap and noisy, the other dear and often small.
+- else, where bounces make little of the noise, direct light and what comes by way of the shape are estimated apart,
+  each from samples of its own: the one is cheap and noisy, the other dear and quiet.
 """
 
 from __future__ import annotations
@@ -62,17 +62,6 @@ def surface_for(scene: Scene, variant: str, bounces: int) -> Surface:
     )
 
 
-def estimators_for(scene: Scene, settings: ReferenceSettings) -> tuple[Estimator, ...]:
-    """Return the independent estimators whose sum is a scene's radiance."""
-    scene = simulated(scene)
-    whole = estimator_for(scene, settings)
-    apart = scene.heeded and type(whole) is Estimator and whole.surface.bounces
-    if not apart or settings.variant.startswith("scalar"):
-        return (whole,)
-    direct = estimator_for(replace(scene, bounces=0), settings)
-    return direct, replace(whole, least=1)
-
-
 def estimator_for(scene: Scene, settings: ReferenceSettings) -> Estimator:
     """Return the one estimator that serves a scene best.
 
@@ -107,6 +96,17 @@ def estimator_for(scene: Scene, settings: ReferenceSettings) -> Estimator:
     variance = (looks.var(1, ddof=1) / _PILOT_REPLICATES).mean((1, 2))
     missed = ((looks[1].mean(0) - looks[0].mean(0)) ** 2).mean() - variance[0]
     return light if max(variance[1], missed) < _COST ** (2 * 0.7) * variance[0] else both
+
+
+def divisible(scene: Scene, estimator: Estimator) -> bool:
+    """Whether direct light and bounces may be estimated apart."""
+    plain = type(estimator) is Estimator and not estimator.surface.variant.startswith("scalar")
+    return scene.heeded and plain and estimator.surface.bounces > 0
+
+
+def divided(whole: Estimator) -> tuple[Estimator, Estimator]:
+    """Return the estimators of direct light, and of what comes by way of the shape."""
+    return replace(whole, surface=replace(whole.surface, bounces=0)), replace(whole, least=1)
 
 
 def _unshadowed(scene: Scene, floor: float) -> Array | None:

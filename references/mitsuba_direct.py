@@ -29,13 +29,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from data_gen.mitsuba_estimator import Estimator
 from envbench.reference import Reference, ReferenceSettings
 from envbench.scene import Scene
 from references import closed_form
-from references.allocation import MOST, SECOND, Part, planned
+from references.allocation import MOST, SECOND, Part, apart, planned
 from references.effects.without import simulated
-from references.estimators import FIRST, estimators_for, surface_for
+from references.estimators import FIRST, divisible, estimator_for, surface_for
 
 _EXACT = 0.1
 """Part of the noise floor asked for that a closed form may err by, at any point."""
@@ -79,10 +78,19 @@ def render(scene: Scene, settings: ReferenceSettings, key: str = "") -> Referenc
     if exact is not None:
         return replace(exact, seconds=time.perf_counter() - started)
     modulation = 1.0 if scene.points.modulation is None else scene.points.modulation
-    parts = [Part(e, np.full(len(scene.points), _first(e))) for e in estimators_for(scene, settings)]
+    whole = estimator_for(scene, settings)
+    first = FIRST // 4 if settings.variant.startswith("scalar") else FIRST
+    parts = [Part(whole, np.full(len(scene.points), first))]
     goal, rays, looks = _MARGIN * settings.floor, 0, 0
     while True:
-        rays += sum(part.sample(scene.points, settings, place) for place, part in enumerate(parts))
+        if not looks and divisible(scene, whole):
+            direct, rest = parts[0].look(scene.points, settings)
+            rays += parts[0].rays
+            parts = apart(parts[0], direct, rest, scene.points.weight, modulation)
+        else:
+            for place, part in enumerate(parts):
+                part.sample(scene.points, settings, place)
+            rays += sum(part.rays for part in parts)
         replicates = np.sum([part.replicates for part in parts], axis=0) * modulation
         result = replace(
             result,
@@ -113,11 +121,6 @@ def render(scene: Scene, settings: ReferenceSettings, key: str = "") -> Referenc
             return replace(result, notes=(note,))
         for part, power, wanted in zip(parts, powers, samples, strict=True):
             part.plan(wanted, power, second=looks == 1 and affordable > 2 * SECOND)
-
-
-def _first(estimator: Estimator) -> int:
-    """Return the samples a point of a first look: fewer where each is dear."""
-    return FIRST // 4 if estimator.surface.variant.startswith("scalar") or estimator.least else FIRST
 
 
 def _exact(scene: Scene, empty: Reference) -> Reference | None:

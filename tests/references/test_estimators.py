@@ -20,7 +20,7 @@ from envbench.material import Lobe, Material, Texture
 from envbench.reference import ReferenceSettings
 from envbench.scene import FREE, Effect, Scene
 from references import closed_form
-from references.estimators import estimator_for, estimators_for
+from references.estimators import divided, divisible, estimator_for
 from references.mitsuba_direct import render
 
 K = 16
@@ -99,8 +99,10 @@ def test_what_nothing_shadows_has_no_noise(mi: ModuleType, lit: Environment) -> 
 @pytest.mark.parametrize("lobes", [(Lambertian(),), (Lambertian(reflectance=(0.4, 0.4, 0.4)), Phong(exponent=20))])
 def test_direct_light_and_bounces_add_up(mi: ModuleType, lit: Environment, lobes: tuple[Lobe, ...]) -> None:
     made = replace(scene(lit, *lobes), effects=EFFECTS | FREE)
-    direct, rest = estimators_for(made, SETTINGS)
-    (whole,) = estimators_for(replace(made, heeded=False), SETTINGS)
+    whole = estimator_for(made, SETTINGS)
+    assert divisible(made, whole)
+    assert not divisible(replace(made, heeded=False), whole)
+    direct, rest = divided(whole)
     assert (direct.surface.bounces, rest.least, whole.least) == (0, 1, 0)
     a = replicates(direct, made.points, 256) + replicates(rest, made.points, 256)
     assert_same(a, replicates(whole, made.points, 256))
