@@ -34,12 +34,12 @@ from numpy.typing import NDArray
 
 from data_gen.lobes import Lambertian, Membrane
 from data_gen.mitsuba_estimator import Estimator, Surface
-from data_gen.mitsuba_volume import Scattering
 from envbench.directions import Array
 from envbench.reference import Reference, ReferenceSettings
 from envbench.scene import Effect, Scene
 from references import closed_form
 from references.effects.without import left_out, simulated
+from references.scattering import scattering
 
 _EXACT = 0.1
 """Part of the noise floor asked for that a closed form may err by, at any point."""
@@ -180,7 +180,7 @@ def estimator_for(scene: Scene, variant: str, seed: int = 0, bounces: int = Refe
     scene = simulated(scene)
     surface = surface_for(scene, variant, bounces)
     if Effect.SUBSURFACE in scene.effects:
-        return Scattering(surface, scene.environment)
+        return scattering(scene, surface, scene.environment)
     both = Estimator(surface, scene.environment)
     light = replace(both, sample_lobes=False)
     if all(isinstance(lobe, Lambertian | Membrane) for lobe in scene.material.lobes):
