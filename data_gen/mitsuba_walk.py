@@ -33,7 +33,7 @@ from envbench.errors import BadInput
 from envbench.geometry import Points, TriangleMesh
 from envbench.material import Medium
 
-_LEAST = 0.1
+_LEAST = 0.25
 """Weight below which walks are absorbed by Russian roulette instead of dimmed."""
 _AT_A_TIME = 2**18
 """Walks in flight: many more than a machine has lanes, and few enough for each lane to take several."""
