@@ -104,11 +104,11 @@ class Walk(Estimator):
         lane = dr.arange(mi.UInt32, len(chosen) * each)
         point = lane // dr.opaque(mi.UInt32, each)
         place = self._place(mi, points, _spread(mi, chosen, point))
-        start = mi.Point3f(place.position - place.lift * place.geometric)
         frame = mi.Frame3f(-place.normal)
         many = dr.opaque(mi.UInt32, samples // each)
         first = lane * many
         path, albedo, lift = (dr.opaque(mi.Float, v) for v in (medium.mean_free_path, medium.albedo, place.lift))
+        start = mi.Point3f(place.position - lift * place.geometric)
         low, high = mi.Point3f(mesh.vertices.min(0)), mi.Point3f(mesh.vertices.max(0))
         dr.make_opaque(low, high)
         scene, facing, white = self.scene, self._facing, medium.albedo == 1
