@@ -29,6 +29,7 @@ import data_gen.mitsuba_diffuse
 import data_gen.mitsuba_estimator
 import data_gen.mitsuba_light
 import data_gen.mitsuba_volume
+import data_gen.mitsuba_walk
 import envbench.arrays
 import envbench.material
 import references.allocation
@@ -37,6 +38,7 @@ import references.effects.facts
 import references.effects.without
 import references.estimators
 import references.mitsuba_direct as direct
+import references.scattering
 from envbench.reference import Reference, ReferenceSettings
 from envbench.scene import Effect, Scene
 
@@ -49,6 +51,7 @@ SOURCES = (
     references.closed_form,
     references.effects.facts,
     references.effects.without,
+    references.scattering,
     data_gen.boundary,
     data_gen.environments.projected,
     data_gen.geometry.mitsuba_shape,
@@ -56,6 +59,7 @@ SOURCES = (
     data_gen.mitsuba_estimator,
     data_gen.mitsuba_light,
     data_gen.mitsuba_volume,
+    data_gen.mitsuba_walk,
     envbench.arrays,
     envbench.material,
 )
@@ -86,7 +90,7 @@ def provenance(scene: Scene, settings: ReferenceSettings) -> dict[str, Any]:
         "heeded": scene.heeded,
         "order": scene.order,
         "viewer": None if scene.viewer is None else repr(scene.viewer),
-        **_how(scene),
+        **_how(scene, settings.variant),
         "settings": asdict(settings),
         "sources": {m.__name__: hashlib.sha256(inspect.getsource(m).encode()).hexdigest() for m in SOURCES},
         "versions": {name: version(name) for name in PACKAGES},
@@ -192,10 +196,12 @@ def _at_rest(scene: Scene) -> list[str | None] | None:
     return [None if part is None else _digest_of(part) for part in parts]
 
 
-def _how(scene: Scene) -> dict[str, Any]:
+def _how(scene: Scene, variant: str) -> dict[str, Any]:
     if Effect.SUBSURFACE in scene.effects:
-        volume = data_gen.mitsuba_volume
-        return {"integrator": f"volpath, at most {volume.MOST_EVENTS} events", "sampler": volume.Scattering.sampler}
+        most = f"at most {data_gen.mitsuba_volume.MOST_EVENTS} events"
+        if references.scattering.walked(scene, variant):
+            return {"integrator": f"walks, {most}", "sampler": "lattice, then independent"}
+        return {"integrator": f"volpath, {most}", "sampler": data_gen.mitsuba_volume.Scattering.sampler}
     return {"integrator": "direct at the points, and bounces", "sampler": data_gen.mitsuba_estimator.SAMPLER}
 
 

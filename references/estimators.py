@@ -18,13 +18,13 @@ import numpy as np
 from data_gen.lobes import Lambertian, Membrane
 from data_gen.mitsuba_diffuse import Diffuse
 from data_gen.mitsuba_estimator import Estimator, Surface
-from data_gen.mitsuba_volume import Scattering
 from envbench.directions import Array
 from envbench.reference import ReferenceSettings
 from envbench.scene import Effect, Scene
 from references import closed_form
 from references.effects.facts import occasions
 from references.effects.without import left_out, simulated
+from references.scattering import scattering
 
 FIRST = 64
 """Samples a point that a first look takes; a power of four."""
@@ -73,7 +73,7 @@ def estimator_for(scene: Scene, settings: ReferenceSettings) -> Estimator:
     variant = settings.variant
     surface = surface_for(scene, variant, settings.bounces)
     if Effect.SUBSURFACE in scene.effects:
-        return Scattering(surface, scene.environment)
+        return scattering(scene, surface, scene.environment)
     scalar, smooth = variant.startswith("scalar"), Effect.LIGHT_DETAIL not in occasions(scene)
     if scene.heeded and smooth and surface.occluder is not None and not scalar:
         unshadowed = _unshadowed(scene, settings.floor)

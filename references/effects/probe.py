@@ -23,7 +23,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from data_gen.mitsuba_estimator import Estimator
-from data_gen.mitsuba_volume import Scattering
 from envbench.directions import Array
 from envbench.reference import ReferenceSettings
 from envbench.scene import Effect, Scene
@@ -31,6 +30,7 @@ from envbench.uncertainty import square, t_quantile
 from references.closed_form import diffuse
 from references.effects.without import simulated
 from references.estimators import surface_for
+from references.scattering import scattering
 
 REPLICATES = 8
 CONFIDENCE = 0.99
@@ -190,7 +190,8 @@ def _estimator(scene: Scene, variant: Variant, mitsuba: str) -> tuple[Scene, Est
     made = simulated(replace(scene, effects=variant.effects, bounces=variant.bounces))
     surface = surface_for(replace(made, effects=variant.effects), mitsuba, variant.bounces)
     if Effect.SUBSURFACE in variant.effects:
-        return made, Scattering(surface, made.environment)
+        every = replace(scene, effects=frozenset(Effect))  # light with and without its detail shares its noise
+        return made, scattering(every, surface, made.environment)
     return made, Estimator(surface, made.environment, sample_lobes=not diffuse(made.material))
 
 

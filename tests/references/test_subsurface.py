@@ -11,8 +11,9 @@ import pytest
 import trimesh
 
 from data_gen.lobes import Lambertian
-from data_gen.mitsuba_estimator import Surface
+from data_gen.mitsuba_estimator import Estimator, Surface
 from data_gen.mitsuba_volume import Scattering
+from data_gen.mitsuba_walk import Walk
 from envbench import latlong, real_harmonics
 from envbench.directions import normalised, perpendicular
 from envbench.environment import Environment
@@ -72,17 +73,33 @@ def signed_light(order: int = 4) -> Environment:
 
 def replicates(made: Scene, samples: int, seed: int = 5) -> np.ndarray:
     estimator = estimator_for(made, ReferenceSettings())
-    assert isinstance(estimator, Scattering)
-    return np.stack([estimator.replicate(made.points, samples, s) for s in np.random.SeedSequence(seed).spawn(K)])
+    assert isinstance(estimator, Walk)
+    return looks(estimator, made.points, samples, seed)
+
+
+def looks(estimator: Estimator, points: Points, samples: int, seed: int) -> np.ndarray:
+    return np.stack([estimator.replicate(points, samples, s) for s in np.random.SeedSequence(seed).spawn(K)])
+
+
+def test_light_with_detail_is_sampled_on_the_way(mi: ModuleType, dumbbell: TriangleMesh) -> None:
+    lamp = Environment("lamp", np.pad(np.ones((1, 1, 3), np.float32), ((8, 7), (0, 31), (0, 0))))
+    shape = Geometry("balls", dumbbell, False)
+    made = Scene("test", lamp, WAX, shape, points_on(dumbbell), effects=INSIDE | {Effect.LIGHT_DETAIL})
+    assert isinstance(estimator_for(made, ReferenceSettings()), Scattering)
+    assert isinstance(estimator_for(replace(made, effects=INSIDE), ReferenceSettings()), Walk)
+    assert isinstance(estimator_for(replace(made, effects=INSIDE), ReferenceSettings(variant="scalar_rgb")), Scattering)
+    assert isinstance(estimator_for(replace(made, effects=INSIDE, heeded=False), ReferenceSettings()), Scattering)
+    integrators = {
+        provenance(replace(made, effects=e), ReferenceSettings())["integrator"] for e in (made.effects, INSIDE)
+    }
+    assert len(integrators) == 2
 
 
 def test_a_white_medium_in_constant_light_sends_out_the_reflectance(
     mi: ModuleType, dumbbell: TriangleMesh, constant: Environment
 ) -> None:
-    white = replace(WAX, medium=Medium(0.4))
-    got = replicates(
-        Scene("test", constant, white, Geometry("balls", dumbbell, False), points_on(dumbbell), effects=INSIDE), 256
-    )
+    surface = Surface(replace(WAX, medium=Medium(0.4)), dumbbell)
+    got = looks(Scattering(surface, constant), points_on(dumbbell), 256, seed=5)
     error = got.std(0, ddof=1) / np.sqrt(K)
     assert np.abs(got.mean((0, 1)) / WAX.lobes[0].reflectance - 1) == pytest.approx(0, abs=0.01)
     assert np.sqrt(((got.mean(0) - WAX.lobes[0].reflectance) ** 2).mean()) < 1.5 * np.sqrt((error**2).mean())
