@@ -2,11 +2,12 @@
 
 A diffuse surface that light reaches from everywhere has radiance F(N), known in closed form, which is also the mean of
 w L(s) over directions s drawn by the cosine, w the albedo. Where the shape is in the way at z, its radiance takes the
-place of the light's,
+place of the light's. With F as a control variate, of any weight b that does not depend on s,
 
-    B(x) = F(N_x) + E[w (B(z) - L(s))],   the expected value over all s, 0 where nothing is in the way,
+    B(x) = b F(N_x) + E[w (B(z) - b L(s) where the shape is in the way, (1 - b) L(s) where it is not)],
 
-and B(z) is estimated alike. One ray a bounce does, none goes to the light, and what nothing shadows has no noise.
+and B(z) is estimated alike. One ray a bounce does, and none goes to the light. Where light does not tell what is hidden
+the noise is least for b as large as the part of all s that meets nothing: what nothing shadows then has no noise.
 Under light with detail L(s) would be too noisy: there the light is sampled too (`data_gen.mitsuba_estimator`).
 """
 
@@ -22,6 +23,27 @@ from data_gen.lattice import Lattice
 from data_gen.mitsuba_estimator import Draws, Estimator
 from envbench import llvm
 from envbench.directions import Array
+from envbench.geometry import Points
+
+_LOOK = 64
+"""Directions that each point looks into."""
+
+
+@dataclass(frozen=True, eq=False)
+class Openness(Estimator):
+    """What part of all directions, drawn by the lobes, meets nothing: grey."""
+
+    def _sampler(self, mi: Any, samples: int, seed: Any, lanes: int) -> Any:
+        return Lattice.of(mi, lanes, samples, seed)
+
+    def _by_bounce(self, mi: Any, si: Any, place: Any, draws: list[Draws]) -> list[Any]:
+        import drjit as dr
+
+        numbers = draws[0][0]
+        across = mi.Point2f(numbers.number(mi.UInt32(0)), numbers.number(mi.UInt32(1)))
+        sample, _ = self.surface.bsdf.sample(mi.BSDFContext(), si, numbers.number(mi.UInt32(2)), across)
+        hidden = self.scene.ray_test(place.ray(mi, si.to_world(sample.wo)))
+        return [mi.Color3f(dr.select(hidden, 0.0, 1.0))]
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,22 +81,41 @@ class Diffuse(Estimator):
     def _sampler(self, mi: Any, samples: int, seed: Any, lanes: int) -> Any:
         return Lattice.of(mi, lanes, samples, seed)
 
+    def _place(self, mi: Any, points: Points, spread: Any) -> Any:
+        found = self._openness(points)
+        place = super()._place(mi, points, spread)
+        return replace(place, sky=spread(np.tile(found[:, None], 3)).x)
+
+    def _openness(self, points: Points) -> Array:
+        """Return what part of all directions from each point meets nothing, (n,), about; kept for later replicates."""
+        if self._kept.get("points") is not points:
+            look = Openness(self.surface, self.environment)
+            found = look.replicate(points, _LOOK, np.random.SeedSequence(_LOOK))[:, 0]
+            self._kept.update(points=points, openness=found)
+        return self._kept["openness"]
+
+    @cached_property
+    def _kept(self) -> dict[str, Any]:
+        return {}
+
     def _by_bounce(self, mi: Any, si: Any, place: Any, draws: list[Draws]) -> list[Any]:
         import drjit as dr
 
         context, reflector, scene = mi.BSDFContext(), self.surface.bsdf, self.scene
         _ = self._free  # made before the loop
+        deeper = dr.opaque(mi.Float, float(self._kept["openness"].mean()))
         bounces, numbers = self.surface.bounces, draws[0][0]
 
         def step(depth: Any, active: Any, through: Any, si: Any, where: Any, totals: Any) -> Any:
             here = replace(place, position=where[0], geometric=where[1], normal=where[2])
-            gained = through * self._at(mi, si.sh_frame.n)
+            share = dr.select(depth == 0, place.sky, deeper)
+            gained = through * self._at(mi, si.sh_frame.n) * share
             across = mi.Point2f(numbers.number(3 * depth), numbers.number(3 * depth + 1))
             sample, weight = reflector.sample(context, si, numbers.number(3 * depth + 2), across, active)
             direction = si.to_world(sample.wo)
             through = through * weight
             found = scene.ray_intersect(here.ray(mi, direction), active)
-            gained -= dr.select(found.is_valid(), through * self._light(mi, direction), 0)
+            gained += through * self._light(mi, direction) * (dr.select(found.is_valid(), 0, 1) - share)
             si, here, on = self._reached(mi, found, here, direction)
             if self.surface.texture is not None:
                 through = through * mi.Color3f(*self.surface.texture.eval(found.uv))

@@ -413,6 +413,7 @@ class _Place:
     """Where rays leave the occluder: `position`, geometric and shading `normal` in its own frame, all Mitsuba's.
 
     `rotation` holds the rows of the matrix that turns the occluder's frame into the light's; None where they are one.
+    `sky` is what part of the directions meets nothing, where that was asked for.
     """
 
     position: Any
@@ -420,6 +421,7 @@ class _Place:
     normal: Any
     lift: float
     rotation: tuple[Any, ...] | None = None
+    sky: Any = None
 
     def ray(self, mi: Any, direction: Any) -> Any:
         """Return the ray in a `direction` of the light's frame.
