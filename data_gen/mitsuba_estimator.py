@@ -224,7 +224,7 @@ class Estimator:
         Parameters
         ----------
         lights : ((order + 1)^2, 3) each
-            Coefficients, of the surface's light's parts together.
+            Coefficients of the other lights, which may be negative.
 
         Returns
         -------
@@ -236,7 +236,11 @@ class Estimator:
         def seen(coefficients: Array) -> Light:
             known = [mi.Color3f(*(dr.opaque(mi.Float, float(v)) for v in row)) for row in coefficients]
             order = math.isqrt(len(known)) - 1
-            return lambda d: sum((y * c for y, c in zip(terms(order, d.x, d.y, d.z), known, strict=True)), mi.Color3f(0))
+
+            def light(d: Any) -> Any:
+                return sum((y * c for y, c in zip(terms(order, d.x, d.y, d.z), known, strict=True)), mi.Color3f(0))
+
+            return light
 
         beside = tuple(seen(light) for light in lights)
         jobs = _chunks(np.arange(len(points)), max(1, _LANES // samples))
@@ -326,7 +330,7 @@ class Estimator:
         """
         import drjit as dr
 
-        context, reflector, scene = mi.BSDFContext(), self.surface.bsdf, self.scene
+        context, reflector = mi.BSDFContext(), self.surface.bsdf
         bounces = 0 if self.surface.occluder is None else self.surface.bounces
 
         def step(depth: Any, active: Any, through: Any, si: Any, where: Any, totals: Any, draws: Any) -> Any:
@@ -352,6 +356,7 @@ class Estimator:
                     sent = through * emission.eval(seen) * _balance(sample.pdf, emission.pdf_direction(si, ds))
                 bare = bare + sent
                 lights = [other(direction) for other in beside or ()]
+                found: Any = None
                 if not bounces:
                     gained += self._unshadowed(mi, here, direction, sent)
                     clear = self._unshadowed(mi, here, direction, through) if beside else through
