@@ -19,7 +19,7 @@ import itertools
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
-from functools import cached_property, partial
+from functools import cached_property, lru_cache, partial
 from typing import Any
 
 import numpy as np
@@ -97,7 +97,7 @@ class Surface:
     @cached_property
     def shape(self) -> Any:
         """Give the occluder as a `mi.Mesh`; None where there is none."""
-        return None if self.occluder is None else mitsuba_mesh(llvm.mitsuba(self.variant), self.occluder)
+        return None if self.occluder is None else _mesh(self.variant, self.occluder)
 
     @cached_property
     def closed(self) -> bool:
@@ -148,20 +148,7 @@ class Estimator:
     @cached_property
     def _scenes(self) -> tuple[tuple[float, Any], ...]:
         """The positive and the negative part of the light, as signs and scenes; the first holds the occluder."""
-        mi = llvm.mitsuba(self.surface.variant)
-        import drjit as dr
-
-        made: list[tuple[float, Any]] = []
-        for sign, part in self.environment.parts:
-            content = {"type": "scene", "light": emitter(part)}
-            if self.surface.shape is not None and not made:
-                content["shape"] = self.surface.shape
-            scene = mi.load_dict(content)
-            # What Mitsuba would evaluate at first use is so here: else the first kernel would be compiled twice.
-            parameters = mi.traverse(scene)
-            dr.eval([parameters[key] for key in parameters.keys()])  # noqa: SIM118 - no mapping
-            made.append((sign, scene))
-        return tuple(made)
+        return _lit(self.surface.variant, self.environment, self.surface.occluder)
 
     def __getstate__(self) -> dict[str, Any]:
         return {field.name: getattr(self, field.name) for field in fields(self)}
@@ -517,6 +504,30 @@ class _Place:
 
         vector = mi.Vector3f(vector)
         return vector if self.rotation is None else mi.Vector3f(*(dr.dot(row, vector) for row in self.rotation))
+
+
+@lru_cache(maxsize=2)
+def _mesh(variant: str, occluder: TriangleMesh) -> Any:
+    return mitsuba_mesh(llvm.mitsuba(variant), occluder)
+
+
+@lru_cache(maxsize=2)
+def _lit(variant: str, environment: Environment, occluder: TriangleMesh | None) -> tuple[tuple[float, Any], ...]:
+    """Return the parts of a light, as signs and scenes; the first holds the occluder. Kept for the next estimators."""
+    mi = llvm.mitsuba(variant)
+    import drjit as dr
+
+    made: list[tuple[float, Any]] = []
+    for sign, part in environment.parts:
+        content = {"type": "scene", "light": emitter(part)}
+        if occluder is not None and not made:
+            content["shape"] = _mesh(variant, occluder)
+        scene = mi.load_dict(content)
+        # What Mitsuba would evaluate at first use is so here: else the first kernel would be compiled twice.
+        parameters = mi.traverse(scene)
+        dr.eval([parameters[key] for key in parameters.keys()])  # noqa: SIM118 - no mapping
+        made.append((sign, scene))
+    return tuple(made)
 
 
 def _at_rest(mesh: TriangleMesh, points: Points) -> tuple[Array, Array, Array]:

@@ -27,11 +27,11 @@ SHADOWS, BOUNCES, POSED = Effect.SELF_SHADOWING, Effect.INTERREFLECTION, Effect.
 INSIDE = Effect.SUBSURFACE
 _AT_ONCE, _SOME = 4096, 2048
 """Points that are all looked at from the start; and of more, how many at first: enough to see what matters much."""
-_LANES = 2**14
+_LANES = 2**15
 """Samples of a replicate that the first look takes, or fewer: so many that a kernel's start does not count."""
 _SAMPLES = 4, 16, 64, 256, 1024
 """Samples of the looks at all points, until the bounds decide; of the first look the most that `_LANES` allow."""
-_FASTEST = 2.0
+_FASTEST = 1.5
 """Order in which the square of a contribution gets surer with samples, or less."""
 _MOST_BANDS = 8
 """Bands up to which light without detail is seen beside the light itself, by the same paths."""
