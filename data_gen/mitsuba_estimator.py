@@ -102,7 +102,7 @@ class Surface:
     @cached_property
     def closed(self) -> bool:
         """Whether the occluder bounds a solid, so that its inside is dark; of an open one both sides reflect."""
-        return self.occluder is not None and is_closed(self.occluder)
+        return self.occluder is not None and _closed(self.occluder)
 
     @cached_property
     def texture(self) -> Any:
@@ -257,8 +257,9 @@ class Estimator:
             return dr.gather(mi.Vector3f, mi.Vector3f(columns), point)
 
         found = estimates(mi, self._interaction(mi, points, spread), self._place(mi, points, spread), draws)
-        dr.eval(found)
-        return np.array([[dr.block_sum(mi.Float64(c), samples).numpy() for c in rgb] for rgb in found]).swapaxes(1, 2)
+        exact = [[mi.Float64(channel) for channel in rgb] for rgb in found]
+        dr.eval(exact)
+        return np.array([[dr.block_sum(c, samples).numpy() for c in rgb] for rgb in exact]).swapaxes(1, 2)
 
     def _seeds(self, seed: int) -> list[tuple[int, ...]]:
         """Return the seeds of each part of the light: no part's numbers depend on how often another's light bounces."""
@@ -504,6 +505,11 @@ class _Place:
 
         vector = mi.Vector3f(vector)
         return vector if self.rotation is None else mi.Vector3f(*(dr.dot(row, vector) for row in self.rotation))
+
+
+@lru_cache(maxsize=4)
+def _closed(occluder: TriangleMesh) -> bool:
+    return is_closed(occluder)
 
 
 @lru_cache(maxsize=2)
