@@ -101,7 +101,7 @@ class Diffuse(Estimator):
     def _by_bounce(self, mi: Any, si: Any, place: Any, draws: list[Draws]) -> list[Any]:
         import drjit as dr
 
-        context, reflector, scene = mi.BSDFContext(), self.surface.bsdf, self.scene
+        context, reflector = mi.BSDFContext(), self.surface.bsdf
         _ = self._free  # made before the loop
         deeper = dr.opaque(mi.Float, float(self._kept["openness"].mean()))
         bounces, numbers = self.surface.bounces, draws[0][0]
@@ -114,7 +114,7 @@ class Diffuse(Estimator):
             sample, weight = reflector.sample(context, si, numbers.number(3 * depth + 2), across, active)
             direction = si.to_world(sample.wo)
             through = through * weight
-            found = scene.ray_intersect(here.ray(mi, direction), active)
+            found = self._met(mi, here.ray(mi, direction), active)
             gained += through * self._light(mi, direction) * (dr.select(found.is_valid(), 0, 1) - share)
             si, here, on = self._reached(mi, found, here, direction)
             if self.surface.texture is not None:

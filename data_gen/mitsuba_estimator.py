@@ -16,9 +16,10 @@ drawn by a sampler of their own, so that all other random numbers are those of t
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
-from functools import cached_property
+from functools import cached_property, lru_cache, partial
 from typing import Any
 
 import numpy as np
@@ -34,9 +35,13 @@ from envbench.environment import Environment
 from envbench.errors import BadInput
 from envbench.geometry import Geometry, Points, TriangleMesh
 from envbench.material import Material
+from envbench.real_harmonics import terms
 
 SAMPLER = "multijitter"
 """Low-discrepancy sampler of Mitsuba; its `ldsampler` serves too."""
+
+Light = Callable[[Any], Any]
+"""The radiance from a direction, Mitsuba's."""
 
 Draws = list[Any]
 """Samplers: of light and lobes, and beside it that of views and tangents averaged over, if any are."""
@@ -92,12 +97,12 @@ class Surface:
     @cached_property
     def shape(self) -> Any:
         """Give the occluder as a `mi.Mesh`; None where there is none."""
-        return None if self.occluder is None else mitsuba_mesh(llvm.mitsuba(self.variant), self.occluder)
+        return None if self.occluder is None else _mesh(self.variant, self.occluder)
 
     @cached_property
     def closed(self) -> bool:
         """Whether the occluder bounds a solid, so that its inside is dark; of an open one both sides reflect."""
-        return self.occluder is not None and is_closed(self.occluder)
+        return self.occluder is not None and _closed(self.occluder)
 
     @cached_property
     def texture(self) -> Any:
@@ -146,20 +151,7 @@ class Estimator:
     @cached_property
     def _scenes(self) -> tuple[tuple[float, Any], ...]:
         """The positive and the negative part of the light, as signs and scenes; the first holds the occluder."""
-        mi = llvm.mitsuba(self.surface.variant)
-        import drjit as dr
-
-        made: list[tuple[float, Any]] = []
-        for sign, part in self.environment.parts:
-            content = {"type": "scene", "light": emitter(part)}
-            if self.surface.shape is not None and not made:
-                content["shape"] = self.surface.shape
-            scene = mi.load_dict(content)
-            # What Mitsuba would evaluate at first use is so here: else the first kernel would be compiled twice.
-            parameters = mi.traverse(scene)
-            dr.eval([parameters[key] for key in parameters.keys()])  # noqa: SIM118 - no mapping
-            made.append((sign, scene))
-        return tuple(made)
+        return _lit(self.surface.variant, self.environment, self.surface.occluder)
 
     def __getstate__(self) -> dict[str, Any]:
         return {field.name: getattr(self, field.name) for field in fields(self)}
@@ -214,6 +206,42 @@ class Estimator:
             estimate[:, chunk] = self._summed(mi, points, chunk, samples, int(state), self._by_bounce) / samples
         return estimate
 
+    def apart(self, points: Points, samples: int, seed: np.random.SeedSequence, *lights: Array) -> Array:
+        """Estimate `by_bounce`, and last what nothing shadows, under the surface's light and under others beside it.
+
+        All by the same paths, in one kernel: the first light's are those of `by_bounce` to rounding, and what nothing
+        shadows is what an estimator without occluder finds. The other lights, given by real harmonics, are seen by the
+        samples of the lobes alone: of few bands, they have no peak that these would miss. Not for scalar variants.
+
+        Parameters
+        ----------
+        lights : ((order + 1)^2, 3) each
+            Coefficients of the other lights, which may be negative.
+
+        Returns
+        -------
+        (1 + lights, 2 + bounces, n, 3)
+        """
+        mi = llvm.mitsuba(self.surface.variant)
+        import drjit as dr
+
+        def seen(coefficients: Array) -> Light:
+            known = [mi.Color3f(*(dr.opaque(mi.Float, float(v)) for v in row)) for row in coefficients]
+            order = math.isqrt(len(known)) - 1
+
+            def light(d: Any) -> Any:
+                return sum((y * c for y, c in zip(terms(order, d.x, d.y, d.z), known, strict=True)), mi.Color3f(0))
+
+            return light
+
+        beside = tuple(seen(light) for light in lights)
+        jobs = _chunks(np.arange(len(points)), max(1, _LANES // samples))
+        estimate = np.empty(((1 + len(lights)) * (2 + self.surface.bounces), len(points), 3))
+        for chunk, state in zip(jobs, seed.generate_state(len(jobs)), strict=True):
+            found = self._summed(mi, points, chunk, samples, int(state), partial(self._by_bounce, beside=beside))
+            estimate[:, chunk] = found / samples
+        return estimate.reshape(1 + len(lights), -1, len(points), 3)
+
     def _wavefront(self, mi: Any, points: Points, chosen: NDArray[np.int_], samples: int, seed: int) -> Array:
         """Return the sums over the samples of the `chosen` points, (n, 3), all at once."""
         return self._summed(mi, points, chosen, samples, seed, lambda *args: [self._radiance(*args)])[0]
@@ -234,8 +262,9 @@ class Estimator:
             return dr.gather(mi.Vector3f, mi.Vector3f(columns), point)
 
         found = estimates(mi, self._interaction(mi, points, spread), self._place(mi, points, spread), draws)
-        dr.eval(found)
-        return np.array([[dr.block_sum(mi.Float64(c), samples).numpy() for c in rgb] for rgb in found]).swapaxes(1, 2)
+        exact = [[mi.Float64(channel) for channel in rgb] for rgb in found]
+        dr.eval(exact)
+        return np.array([[dr.block_sum(c, samples).numpy() for c in rgb] for rgb in exact]).swapaxes(1, 2)
 
     def _seeds(self, seed: int) -> list[tuple[int, ...]]:
         """Return the seeds of each part of the light: no part's numbers depend on how often another's light bounces."""
@@ -273,22 +302,28 @@ class Estimator:
             total += part
         return total
 
-    def _by_bounce(self, mi: Any, si: Any, place: _Place, draws: list[Draws]) -> list[Any]:
-        """Return one estimate for each number of bounces, of the light's parts by their signs."""
-        totals = [mi.Color3f(0) for _ in range(1 + self.surface.bounces)]
-        for (sign, scene), own in zip(self._scenes, draws, strict=True):
-            for depth, part in enumerate(self._part(mi, scene.environment(), si, place, own)):
-                totals[depth] += sign * part
+    def _by_bounce(
+        self, mi: Any, si: Any, place: _Place, draws: list[Draws], beside: tuple[Light, ...] | None = None
+    ) -> list[Any]:
+        """Return one estimate for each number of bounces, of the light's parts by their signs; or all of `apart`."""
+        size = 1 + self.surface.bounces if beside is None else (2 + self.surface.bounces) * (1 + len(beside))
+        totals = [mi.Color3f(0) for _ in range(size)]
+        for k, ((sign, scene), own) in enumerate(zip(self._scenes, draws, strict=True)):
+            also = beside if k == 0 or beside is None else ()  # the lights beside are whole: with the first part
+            for depth, part in enumerate(self._part(mi, scene.environment(), si, place, own, also)):
+                totals[depth] += (1.0 if depth >= 2 + self.surface.bounces else sign) * part
         return totals
 
-    def _part(self, mi: Any, emission: Any, si: Any, place: _Place, draws: Draws) -> list[Any]:
+    def _part(
+        self, mi: Any, emission: Any, si: Any, place: _Place, draws: Draws, beside: tuple[Light, ...] | None = None
+    ) -> list[Any]:
         """Return estimates under one part of the light: emitter and BSDF sample, weighed by their densities.
 
         What a BSDF sample finds of the light has come by way of the shape as often as the point it was drawn at.
         """
         import drjit as dr
 
-        context, reflector, scene = mi.BSDFContext(), self.surface.bsdf, self.scene
+        context, reflector = mi.BSDFContext(), self.surface.bsdf
         bounces = 0 if self.surface.occluder is None else self.surface.bounces
 
         def step(depth: Any, active: Any, through: Any, si: Any, where: Any, totals: Any, draws: Any) -> Any:
@@ -299,9 +334,11 @@ class Estimator:
             ds, light = emission.sample_direction(si, sampler.next_2d(), counts)
             value, pdf = reflector.eval_pdf(context, si, si.to_local(ds.d), counts & (ds.pdf > 0))
             share = _balance(ds.pdf, pdf) if self.sample_lobes else 1.0
-            lit = through * light * value * share
-            gained = self._unshadowed(mi, here, ds.d, dr.select(counts, lit, mi.Color3f(0)) if self.least else lit)
-            if bounces or self.sample_lobes:
+            bare = through * light * value * share
+            lit = dr.select(counts, bare, mi.Color3f(0)) if self.least else bare
+            gained = self._unshadowed(mi, here, ds.d, lit)
+            others: list[tuple[Any, Any]] = []
+            if bounces or self.sample_lobes or beside:
                 sample, weight = reflector.sample(context, si, sampler.next_1d(), sampler.next_2d(), active)
                 direction = si.to_world(sample.wo)
                 through = through * weight
@@ -312,20 +349,34 @@ class Estimator:
                     ds = mi.DirectionSample3f()  # its direction alone is read
                     ds.d = direction
                     sent = through * emission.eval(seen) * _balance(sample.pdf, emission.pdf_direction(si, ds))
+                bare = bare + sent
+                lights = [other(direction) for other in beside or ()]
+                found: Any = None
                 if not bounces:
                     gained += self._unshadowed(mi, here, direction, sent)
+                    clear = self._unshadowed(mi, here, direction, through) if beside else through
                 else:
-                    cast = active & dr.any(through > 0) & (mi.Bool(self.sample_lobes) | (depth < bounces))
-                    found = scene.ray_intersect(here.ray(mi, direction), cast)
+                    last = mi.Bool(self.sample_lobes or bool(beside))
+                    cast = active & dr.any(through > 0) & (last | (depth < bounces))
+                    found = self._met(mi, here.ray(mi, direction), cast)
+                    clear = dr.select(found.is_valid(), mi.Color3f(0), through)
                     gained += dr.select(found.is_valid() | ~counts, mi.Color3f(0), sent)
+                others = [(clear * light, through * light) for light in lights]
+                if bounces:
                     si, here, active = self._reached(mi, found, here, direction)
                     if self.surface.texture is not None:
                         through = through * mi.Color3f(*self.surface.texture.eval(found.uv))
-            totals = [total + dr.select(depth == k, gained, mi.Color3f(0)) for k, total in enumerate(totals)]
+            at = [depth == k for k in range(1 + bounces)]
+            gains = [(step, gained) for step in at]
+            if beside is not None:
+                gains += [(at[0], bare)]
+                gains += [gain for lit, free in others for gain in (*((step, lit) for step in at), (at[0], free))]
+            totals = [t + dr.select(step, gain, mi.Color3f(0)) for t, (step, gain) in zip(totals, gains, strict=True)]
             return depth + 1, active, through, si, (here.position, here.geometric, here.normal), totals, draws
 
         where = place.position, place.geometric, place.normal
-        totals = [mi.Color3f(0) for _ in range(1 + bounces)]
+        size = 1 + bounces if beside is None else (2 + bounces) * (1 + len(beside))
+        totals = [mi.Color3f(0) for _ in range(size)]
         state = mi.UInt32(0), mi.Bool(True), mi.Color3f(1), si, where, totals, draws
         if not bounces or self.surface.variant.startswith("scalar"):
             for _ in range(1 + bounces):
@@ -359,6 +410,18 @@ class Estimator:
             return radiance
         hidden = self.scene.ray_test(place.ray(mi, direction), dr.any(radiance > 0))
         return dr.select(hidden, mi.Color3f(0), radiance)
+
+    def _met(self, mi: Any, ray: Any, active: Any) -> Any:
+        """Return the surface that a ray meets first, as `scene.ray_intersect` does.
+
+        That asks whichever shape was met, among all of the process; here it is the occluder. So kernels do not depend
+        on what other shapes there are, and are found again when Dr.Jit has compiled them before.
+        """
+        met = self.scene.ray_intersect_preliminary(ray, active=active)
+        found = self.surface.shape.compute_surface_interaction(ray, met, mi.RayFlags.All, active & met.is_valid())
+        found.t = met.t
+        found.initialize_sh_frame()
+        return found
 
     def _reached(self, mi: Any, found: Any, place: _Place, direction: Any) -> tuple[Any, _Place, Any]:
         """Return the surface that a ray in `direction` has found, as the light sees it and as rays leave it.
@@ -400,12 +463,15 @@ class Estimator:
 
     def _place(self, mi: Any, points: Points, spread: Callable[[Array], Any]) -> _Place:
         """Return where the points are on the occluder, their arrays laid out by `spread`."""
+        import drjit as dr
+
         position, geometric, normal, rotation = points.position, points.geometric_normal, points.normal, None
         if self.surface.carried and self.surface.occluder is not None:
             position, geometric, normal = _at_rest(self.surface.occluder, points)
             if points.rotation is not None:
                 rotation = tuple(spread(points.rotation[:, row]) for row in range(3))
-        return _Place(mi.Point3f(spread(position)), spread(geometric), spread(normal), self.surface.lift, rotation)
+        lift = dr.opaque(mi.Float, self.surface.lift)  # no constant of the kernel, which serves other shapes too
+        return _Place(mi.Point3f(spread(position)), spread(geometric), spread(normal), lift, rotation)
 
 
 @dataclass(frozen=True)
@@ -419,7 +485,7 @@ class _Place:
     position: Any
     geometric: Any
     normal: Any
-    lift: float
+    lift: Any
     rotation: tuple[Any, ...] | None = None
     sky: Any = None
 
@@ -448,6 +514,35 @@ class _Place:
 
         vector = mi.Vector3f(vector)
         return vector if self.rotation is None else mi.Vector3f(*(dr.dot(row, vector) for row in self.rotation))
+
+
+@lru_cache(maxsize=4)
+def _closed(occluder: TriangleMesh) -> bool:
+    return is_closed(occluder)
+
+
+@lru_cache(maxsize=2)
+def _mesh(variant: str, occluder: TriangleMesh) -> Any:
+    return mitsuba_mesh(llvm.mitsuba(variant), occluder)
+
+
+@lru_cache(maxsize=2)
+def _lit(variant: str, environment: Environment, occluder: TriangleMesh | None) -> tuple[tuple[float, Any], ...]:
+    """Return the parts of a light, as signs and scenes; the first holds the occluder. Kept for the next estimators."""
+    mi = llvm.mitsuba(variant)
+    import drjit as dr
+
+    made: list[tuple[float, Any]] = []
+    for sign, part in environment.parts:
+        content = {"type": "scene", "light": emitter(part)}
+        if occluder is not None and not made:
+            content["shape"] = _mesh(variant, occluder)
+        scene = mi.load_dict(content)
+        # What Mitsuba would evaluate at first use is so here: else the first kernel would be compiled twice.
+        parameters = mi.traverse(scene)
+        dr.eval([parameters[key] for key in parameters.keys()])  # noqa: SIM118 - no mapping
+        made.append((sign, scene))
+    return tuple(made)
 
 
 def _at_rest(mesh: TriangleMesh, points: Points) -> tuple[Array, Array, Array]:

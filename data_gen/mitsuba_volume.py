@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from data_gen.geometry import mitsuba_mesh
-from data_gen.mitsuba_estimator import Draws, Estimator
+from data_gen.mitsuba_estimator import Draws, Estimator, Light
 from data_gen.mitsuba_light import emitter
 from envbench import llvm
 from envbench.errors import BadInput
@@ -85,10 +85,13 @@ class Scattering(Estimator):
             for (sign, _), light in zip(self.environment.parts, self._lights, strict=True)
         )
 
-    def _by_bounce(self, mi: Any, si: Any, place: Any, draws: list[Draws]) -> list[Any]:
-        """Return one estimate: bounces are those of the paths."""
+    def _by_bounce(
+        self, mi: Any, si: Any, place: Any, draws: list[Draws], beside: tuple[Light, ...] | None = None
+    ) -> list[Any]:
+        """Return one estimate: bounces are those of the paths, and nothing is told apart."""
         import drjit as dr
 
+        assert beside is None
         time = mi.Float(0)
         if place.rotation is not None:
             dr.eval(*place.rotation)

@@ -107,7 +107,8 @@ class Walk(Estimator):
         frame = mi.Frame3f(-place.normal)
         many = dr.opaque(mi.UInt32, samples // each)
         first = lane * many
-        path, albedo, lift = (dr.opaque(mi.Float, v) for v in (medium.mean_free_path, medium.albedo, place.lift))
+        path, albedo = (dr.opaque(mi.Float, v) for v in (medium.mean_free_path, medium.albedo))
+        lift = place.lift
         start = mi.Point3f(place.position - lift * place.geometric)
         low, high = mi.Point3f(mesh.vertices.min(0)), mi.Point3f(mesh.vertices.max(0))
         dr.make_opaque(low, high)

@@ -14,15 +14,17 @@ from envbench.directions import Array
 from envbench.effects import EffectSettings, Probe
 from envbench.records import Study
 from envbench.reference import ReferenceSettings
-from envbench.scene import Decision, Effect, Plan, Scene
+from envbench.scene import FREE, Decision, Effect, Plan, Scene
 from references import reference
 from references.effects.probe import Estimators, Looks, Variant, look
 
 SCENES = 200
 TOLERANCES = 0.02, 0.005, 0.00125
 SETTINGS = ReferenceSettings(floor=1e-2, budget=20.0, bounces=4)
-SAMPLES = 64
-"""A point of each replicate, for what effects truly contribute."""
+SAMPLES = 64, 256, 1024
+"""A point of each replicate, for what effects truly contribute: the fewer points there are, the more."""
+_LANES = 2**18
+"""Samples of a replicate, at most, beyond the fewest a point."""
 NOISE = 5e-4
 """Of what is truly contributed, or less: paired renderings share most of their noise."""
 MOST_MISSED, MOST_NEEDLESS, LEAST_GAIN = 0.01, 0.2, 2.0
@@ -51,7 +53,9 @@ class Truth:
     def of(cls, full: Scene, most: int) -> Truth:
         """Return the truth about a scene, none of it rendered yet."""
         settings = replace(SETTINGS, seed=1)
-        return cls(full, most, look(full, settings, len(full.points), SAMPLES, 0))
+        points = len(full.points)
+        samples = max((s for s in SAMPLES if s * points <= _LANES), default=SAMPLES[0])
+        return cls(full, most, look(full, settings, points, samples, 0))
 
     def contribution(self, effect: Effect, bounces: int = 0) -> float:
         """Return what an effect adds, or inter-reflection beyond so many bounces; shadows are seen without bounces."""
@@ -140,17 +144,19 @@ def effects_random(scenes: int = SCENES, first: int = 0, told: Callable[[str], N
             tally.within += off <= tolerance + NOISE
             tally.planned += truth.seconds(plan)
             tally.everything += whole
-            tally.probes += sum(d.seconds for d in plan.decisions)
+            tally.probes += sum(d.seconds for d in plan.decisions if d.effect not in FREE)
             if told:
                 told(f"{scene.name} {tolerance} {off:.5f} {tally}")
     return Study(
         "effects-random",
         f"Decisions about effects on {scenes} random scenes",
-        f"Each effect's contribution is known from paired renderings of all points, with it and without, of {SAMPLES} "
-        "samples in each of 8 replicates; an effect is missed if it was left out and contributes more than the "
-        f"tolerance, and needless if it was simulated and contributes less than {NEEDLESS:.2f} of that. Every effect "
-        "was decided on, those too that cost nothing. Intervals are 95 %, Clopper and Pearson's. Seconds are those of "
-        f"references of noise floor {SETTINGS.floor:g} and of diffuse transfer of {RAYS:,} rays a vertex.",
+        "Each effect's contribution is known from paired renderings of all points, with it and without, of "
+        f"{SAMPLES[0]} samples or, where points are few, up to {SAMPLES[-1]} in each of 8 replicates; an effect is "
+        "missed if it was left out and contributes more than the tolerance, and needless if it was simulated and "
+        f"contributes less than {NEEDLESS:.2f} of that. Every effect was decided on, those too that cost nothing; the "
+        "probes' seconds are those of the others, all that both are held against counted as theirs: what a user's "
+        "default takes, or a little more. Intervals are 95 %, Clopper and Pearson's. Seconds are those of references "
+        f"of noise floor {SETTINGS.floor:g} and of diffuse transfer of {RAYS:,} rays a vertex.",
         ("tolerance", "left out", "missed", "missed (95 %)", f"at most {MOST_MISSED:.0%}", "largest left out (of it)",
          "simulated", "needless", "needless (95 %)", f"at most {MOST_NEEDLESS:.0%}", "undecided",
          "results within tolerance and noise", "in every scene", "planned (s)", "probes (s)", "everything on (s)",

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 
 from data_gen.lobes import Lambertian, Membrane
@@ -43,6 +45,7 @@ def diffuse_albedo(material: Material) -> Array | None:
     return bound if material.texture is None else bound * material.texture.values.max((0, 1))
 
 
+@lru_cache(maxsize=4)
 def _brightest(environment: Environment) -> Array:
     """Return the largest irradiance over pi by channel, (3,), or more.
 

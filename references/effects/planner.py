@@ -14,20 +14,27 @@ from functools import cached_property
 
 import numpy as np
 
+from envbench import real_harmonics
 from envbench.directions import Array
 from envbench.effects import EffectSettings, Probe
 from envbench.reference import ReferenceSettings
 from envbench.scene import FREE, Basis, Decision, Effect, Plan, Scene
 from references.effects.bounces import rest_of_bounces
 from references.effects.facts import Fact, facts, occasions, opaque
-from references.effects.probe import REPLICATES, Bound, Estimators, Looks, Variant, look, needed_samples
+from references.effects.probe import REPLICATES, SHADOWED, Bound, Estimators, Looks, Variant, look, needed_samples
 
 SHADOWS, BOUNCES, POSED = Effect.SELF_SHADOWING, Effect.INTERREFLECTION, Effect.DEFORMATION
 INSIDE = Effect.SUBSURFACE
-_FIRST = 512, 16
-"""Points and samples of the first look: enough to see what matters much."""
+_AT_ONCE, _SOME = 4096, 2048
+"""Points that are all looked at from the start; and of more, how many at first: enough to see what matters much."""
+_LANES = 2**15
+"""Samples of a replicate that the first look takes, or fewer: so many that a kernel's start does not count."""
 _SAMPLES = 4, 16, 64, 256, 1024
-"""Samples of the looks at all points that follow, until the bounds decide."""
+"""Samples of the looks at all points, until the bounds decide; of the first look the most that `_LANES` allow."""
+_FASTEST = 1.5
+"""Order in which the square of a contribution gets surer with samples, or less."""
+_MOST_BANDS = 8
+"""Bands up to which light without detail is seen beside the light itself, by the same paths."""
 _SHOWN = 16
 """Samples, of each replicate, of pictures."""
 _SHARE, _LEAST = 0.05, 0.3
@@ -145,6 +152,7 @@ class _Planner:
     estimators: Estimators = field(default_factory=Estimators)
     looks: list[Looks] = field(default_factory=list[Looks])
     bounds: dict[Effect, list[Bound]] = field(default_factory=dict[Effect, list[Bound]])
+    probed: list[Effect] = field(default_factory=list[Effect])
     started: float = 0.0
 
     def plan(self) -> Scene:
@@ -204,11 +212,40 @@ class _Planner:
         return occasions(opaque(self.scene))
 
     def _rendered(self, looks: Looks, variant: Variant) -> Array:
-        """Return what a variant looks like, (K, n, 3); one of fewer bounces is part of the full one."""
-        full = self._full
-        if variant.effects | {BOUNCES} == full.effects | {BOUNCES}:
-            return looks.bounced(full, self.estimators)[variant.bounces]
-        return looks.bounced(variant, self.estimators)[-1]
+        """Return what a variant looks like, (K, n, 3)."""
+        source, full = self._source(variant), self._full
+        if not self._kin(source):
+            return looks.bounced(source, self.estimators)[variant.bounces if source == full else -1]
+        looks.apart(source, self.estimators, self._bands)
+        if SHADOWS not in variant.effects:
+            return looks.seen[Variant(variant.effects - SHADOWED, 0)][0]
+        found = looks.seen[Variant(variant.effects | full.effects & {BOUNCES}, full.bounces)]
+        return found[min(variant.bounces, len(found) - 1)]  # at rest, a shape may be convex
+
+    def _source(self, variant: Variant) -> Variant:
+        """Return the variant whose rendering shows this one.
+
+        One kernel shows the full one, fewer bounces, no shadows, and no light detail; it serves other views and the
+        shape at rest too.
+        """
+        full, also = self._full, {BOUNCES}
+        if INSIDE not in full.effects:
+            also |= SHADOWED if SHADOWS not in variant.effects else set()
+            also |= {Effect.LIGHT_DETAIL} if self._bands else set()
+        source = Variant(variant.effects | full.effects & also, full.bounces)
+        return source if source == full or self._kin(source) else variant
+
+    def _kin(self, source: Variant) -> bool:
+        """Whether a variant's kernel is that of the full one."""
+        full = self._full.effects
+        return INSIDE not in full and full - source.effects <= {POSED, Effect.PERSPECTIVE}
+
+    @cached_property
+    def _bands(self) -> tuple[Array, ...]:
+        """The harmonics of the light without detail, if that is to be seen."""
+        if Effect.LIGHT_DETAIL not in self.probed or self.scene.order > _MOST_BANDS:
+            return ()
+        return (real_harmonics.project(self.scene.environment.radiance.astype(np.float64), self.scene.order - 1),)
 
     def whole(self, looks: Looks) -> Array:
         """Return what a scene looks like with all effects, (K, n, 3)."""
@@ -216,8 +253,11 @@ class _Planner:
 
     def pair(self, looks: Looks, effect: Effect) -> tuple[Array, Array]:
         """Return what a scene looks like with an effect and without it, (K, n, 3) each."""
-        full = Variant(self._full.effects, 0) if effect is SHADOWS else self._full
-        return self._rendered(looks, full), self._rendered(looks, self._less(effect))
+        full, less = self._variants(effect)
+        return self._rendered(looks, full), self._rendered(looks, less)
+
+    def _variants(self, effect: Effect) -> tuple[Variant, Variant]:
+        return Variant(self._full.effects, 0) if effect is SHADOWS else self._full, self._less(effect)
 
     def _measure(self, looks: Looks, effect: Effect) -> list[Bound]:
         """Return what leaving an effect out makes: of bounces, all of them, all but one, all but two ..."""
@@ -231,30 +271,46 @@ class _Planner:
     # ---- looking until the bounds decide
 
     def _probe(self, probed: list[Effect]) -> None:
-        self.started = time.perf_counter()
+        self.started, self.probed = time.perf_counter(), probed
         undecided = list(probed)
         for looks in self._levels():
-            if any(past.whole for past in self.looks) and not self._affordable(looks):
-                return
+            if self.looks and self.looks[-1].whole:
+                if not any(self._may_decide(effect, looks.samples) for effect in undecided):
+                    continue
+                if not self._affordable(looks, undecided):
+                    return
             self.looks.append(looks)
             for effect in undecided:
                 self.bounds[effect] = self._measure(looks, effect)
-            every = self.settings.probe == Probe.ALL and not looks.whole  # for what is shown, at all points
-            undecided = [e for e in undecided if every or not self._decided(e)]
+            undecided = [e for e in undecided if not self._decided(e)]
             if not undecided:
                 return
 
     def _levels(self) -> Iterator[Looks]:
-        first = look(self.scene, self.reference, *_FIRST, 0)
+        most = len(self.scene.points)
+        whole = most <= _AT_ONCE or self.settings.probe == Probe.ALL  # which is shown, at all points
+        count = most if whole else _SOME
+        enough = max((s for s in _SAMPLES if s * count <= _LANES), default=_SAMPLES[0])
+        first = look(self.scene, self.reference, count, enough, 0)
         yield first
         for number, samples in enumerate(_SAMPLES, 1):
             if not (first.whole and samples <= first.samples):
-                yield look(self.scene, self.reference, len(self.scene.points), samples, number)
+                yield look(self.scene, self.reference, most, samples, number)
 
     def _decided(self, effect: Effect) -> bool:
         """Whether the bounds tell which side of the tolerance a contribution is on: of bounces, for each number."""
         limit = self.settings.limit
         return all(bound.low > limit or bound.high < limit for bound in self.bounds[effect][: self._enough(effect) + 1])
+
+    def _may_decide(self, effect: Effect, samples: int) -> bool:
+        """Whether bounds from so many samples could decide, if the noise fell as fast as it can."""
+        limit, fallen = self.settings.limit, (self.looks[-1].samples / samples) ** _FASTEST
+        open_ = [b for b in self.bounds[effect][: self._enough(effect) + 1] if b.low <= limit <= b.high]
+        for bound in open_:
+            far = bound.high if bound.value < limit else bound.low
+            if fallen * abs(far**2 - bound.value**2) > abs(limit**2 - bound.value**2):
+                return False
+        return True
 
     def _enough(self, effect: Effect) -> int:
         """Return the fewest bounces whose rest stays below the tolerance, or how many there are; of others 0 or 1."""
@@ -269,14 +325,15 @@ class _Planner:
         bare = self._full if dear is None else self._less(dear)
         return max(_LEAST, _SHARE * (self._cost(self._full) - self._cost(bare)))
 
-    def _affordable(self, looks: Looks) -> bool:
+    def _affordable(self, looks: Looks, undecided: list[Effect]) -> bool:
         """Whether a look fits into the budget: a given one is of seconds in all, else of what kernels run for.
 
         Looks up to the first at all points are always taken.
         """
         ran = sum(past.rates[variant] * past.lanes for past in self.looks for variant in past.rates)
         spent = ran if self.settings.budget is None else time.perf_counter() - self.started
-        return spent + looks.lanes * sum(self._rate(variant) for variant in self.estimators) <= self._budget
+        sources = {self._source(variant) for effect in undecided for variant in self._variants(effect)}
+        return spent + looks.lanes * sum(self._rate(source) for source in sources) <= self._budget
 
     # ---- what it costs
 
@@ -285,7 +342,7 @@ class _Planner:
         known = [looks.rates[variant] for looks in self.looks if variant in looks.rates]
         if known:
             return min(known)
-        share = (1 + variant.bounces) / (1 + self._full.bounces) if SHADOWS in variant.effects else 0.5
+        share = (1 + variant.bounces if SHADOWS in variant.effects else 0.5) / (1 + self._full.bounces)
         return self._rate(self._full) * share
 
     def _cost(self, variant: Variant) -> float:
@@ -301,9 +358,14 @@ class _Planner:
         return float(min(self._rate(variant) * lanes, self.reference.budget))
 
     def _spent(self, effect: Effect) -> float:
-        """Return the seconds of an effect's own renderings, and its share of those that all are held against."""
+        """Return the seconds of an effect's own renderings, and its share of those that all are held against.
+
+        Those that cost nothing bear a share only where there are no others: else it would be rendered without them too.
+        """
         own = 0.0 if effect is BOUNCES else sum(looks.seconds.get(self._less(effect), 0.0) for looks in self.looks)
-        return own + sum(looks.seconds.get(self._full, 0.0) for looks in self.looks) / len(self.bounds)
+        bearing = self.bounds.keys() - FREE or self.bounds.keys()
+        shared = sum(looks.seconds.get(self._full, 0.0) for looks in self.looks) / len(bearing)
+        return own + shared * (effect in bearing)
 
     # ---- decisions
 

@@ -16,6 +16,7 @@ over points by weight. Its bounds hold for the noise and for the choice of point
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 
@@ -24,14 +25,16 @@ from numpy.typing import NDArray
 
 from data_gen.mitsuba_estimator import Estimator
 from envbench.directions import Array
+from envbench.geometry import Points
 from envbench.reference import ReferenceSettings
 from envbench.scene import Effect, Scene
 from envbench.uncertainty import square, t_quantile
-from references.closed_form import diffuse
 from references.effects.without import simulated
 from references.estimators import surface_for
 from references.scattering import scattering
 
+SHADOWED = frozenset({Effect.SELF_SHADOWING, Effect.INTERREFLECTION, Effect.DEFORMATION})
+"""Effects of what the shape has in light's way: without shadows, none of them is left."""
 REPLICATES = 8
 CONFIDENCE = 0.99
 """Of each bound."""
@@ -91,26 +94,46 @@ class Looks:
         return REPLICATES * len(self.points) * self.samples
 
     def bounced(self, variant: Variant, estimators: Estimators) -> Array:
-        """Return the radiance with at most 0, 1, ... bounces, (1 + bounces, K, n, 3)."""
+        """Return the radiance with at most 0, 1, ... bounces, (1 + bounces, K, n, 3), rendered by itself."""
         if variant not in self.seen:
-            import drjit as dr
-
-            start = time.perf_counter()
-            if variant not in estimators:
-                estimators[variant] = _estimator(self.scene, variant, self.settings.variant)
-            scene, estimator = estimators[variant]
-            points = scene.points.taken(np.tile(self.points, REPLICATES))
-            seed = np.random.SeedSequence((self.settings.seed, _STREAM, self.number))
-            with dr.scoped_set_flag(dr.JitFlag.KernelHistory, True):
-                dr.kernel_history_clear()
-                found = estimator.by_bounce(points, self.samples, seed)
-                kernels = dr.kernel_history()
-            self.rates[variant] = sum(k.get("execution_time", 0.0) for k in kernels) / 1000 / self.lanes
-            if points.modulation is not None:
-                found = found * points.modulation
-            self.seen[variant] = np.cumsum(found, axis=0).reshape(len(found), REPLICATES, -1, 3)
-            self.seconds[variant] = time.perf_counter() - start
+            self.seen[variant] = np.cumsum(self._rendered(variant, estimators, Estimator.by_bounce), axis=0)
         return self.seen[variant]
+
+    def apart(self, variant: Variant, estimators: Estimators, bands: tuple[Array, ...]) -> None:
+        """See an opaque variant, and by the same paths what it is without shadows, without light detail, and without
+        both: `bands` holds the coefficients of a light without detail, or none.
+        """
+        if variant in self.seen:
+            return
+
+        def estimate(estimator: Estimator, points: Points, samples: int, seed: np.random.SeedSequence) -> Array:
+            return estimator.apart(points, samples, seed, *bands).reshape(-1, len(points), 3)
+
+        found = self._rendered(variant, estimators, estimate)
+        for light, part in enumerate(np.split(found, 1 + len(bands))):
+            effects = variant.effects - ({Effect.LIGHT_DETAIL} if light else set())
+            self.seen[Variant(effects - SHADOWED, 0)] = part[-1:]
+            self.seen[Variant(effects, variant.bounces)] = np.cumsum(part[:-1], axis=0)
+
+    def _rendered(self, variant: Variant, estimators: Estimators, estimate: Callable[..., Array]) -> Array:
+        """Return what an `estimate` of a variant finds, (m, K, n, 3), and note what that took."""
+        import drjit as dr
+
+        start = time.perf_counter()
+        if variant not in estimators:
+            estimators[variant] = _estimator(self.scene, variant, self.settings.variant, estimators)
+        scene, estimator = estimators[variant]
+        points = scene.points.taken(np.tile(self.points, REPLICATES))
+        seed = np.random.SeedSequence((self.settings.seed, _STREAM, self.number))
+        with dr.scoped_set_flag(dr.JitFlag.KernelHistory, True):
+            dr.kernel_history_clear()
+            found = estimate(estimator, points, self.samples, seed)
+            kernels = dr.kernel_history()
+        self.rates[variant] = sum(k.get("execution_time", 0.0) for k in kernels) / 1000 / self.lanes
+        if points.modulation is not None:
+            found = found * points.modulation
+        self.seconds[variant] = time.perf_counter() - start
+        return found.reshape(len(found), REPLICATES, -1, 3)
 
     def bound(self, full: Array, without: Array) -> Bound:
         """Return what is left out `without` some effects, relative to the `full` radiance, (K, n, 3) each."""
@@ -185,14 +208,37 @@ def _squares(values: Array) -> Array:
     return (values.mean(0) ** 2 - values.var(0, ddof=1) / len(values)).mean(-1)
 
 
-def _estimator(scene: Scene, variant: Variant, mitsuba: str) -> tuple[Scene, Estimator]:
-    """Return a variant of a scene and what renders it: by one estimator for all variants that do not scatter inside."""
+def _estimator(scene: Scene, variant: Variant, mitsuba: str, others: Estimators) -> tuple[Scene, Estimator]:
+    """Return a variant of a scene and what renders it: by one estimator for all variants that do not scatter inside.
+
+    Mitsuba's objects are those of `others` where they are the same: variants seen from elsewhere share all of them.
+    """
     made = simulated(replace(scene, effects=variant.effects, bounces=variant.bounces))
+    apart = {Effect.PERSPECTIVE}
+    for known, (_, estimator) in others.items():
+        if known.effects | apart == variant.effects | apart and known.bounces == variant.bounces:
+            return _alike(made, variant), estimator
     surface = surface_for(replace(made, effects=variant.effects), mitsuba, variant.bounces)
     if Effect.SUBSURFACE in variant.effects:
         every = replace(scene, effects=frozenset(Effect))  # light with and without its detail shares its noise
         return made, scattering(every, surface, made.environment)
-    return made, Estimator(surface, made.environment, sample_lobes=not diffuse(made.material))
+    made, carried = _alike(made, variant), surface.carried or _poses(made, variant)
+    surface = replace(surface, carried=carried)
+    return made, Estimator(surface, made.environment)
+
+
+def _poses(scene: Scene, variant: Variant) -> bool:
+    """Whether shadows are those of a posed shape, whose points say where on the mesh they are."""
+    posed = scene.geometry.pose is not None and Effect.DEFORMATION in variant.effects
+    return posed and scene.points.triangle is not None and scene.points.rotation is not None
+
+
+def _alike(scene: Scene, variant: Variant) -> Scene:
+    """Return the scene rendered as the one is whose shadows are carried: turned by no angle, for the same kernel."""
+    if not _poses(scene, variant):
+        return scene
+    turned = np.broadcast_to(np.eye(3), (len(scene.points), 3, 3))
+    return replace(scene, points=replace(scene.points, rotation=turned))
 
 
 def needed_samples(values: Array, weight: Array, samples: int, floor: float, order: float = 0.75) -> float:

@@ -32,6 +32,12 @@ def basis(order: int, direction: Array) -> Array:
     [0.2821, -0.0, 0.4886, -0.0]
     """
     x, y, z = direction.tolist() if direction.ndim == 1 else direction.T
+    first, *others = terms(order, x, y, z)
+    return np.array([first if direction.ndim == 1 else first + 0 * z, *others])
+
+
+def terms(order: int, x: Any, y: Any, z: Any) -> list[Any]:
+    """Return the harmonics of degree <= `order` at (x, y, z): numbers, or arrays of any library; the first is one."""
     out: list[Any] = [None] * (order + 1) ** 2
     real, imaginary = 1.0, 0.0
     for q, (first, steps) in enumerate(_recurrence(order)):
@@ -42,10 +48,10 @@ def basis(order: int, direction: Array) -> Array:
             if l > q:
                 a, below, at = up * z * a - down * below, a, at + 2 * l
             if q == 0:
-                out[at] = a if direction.ndim == 1 else a + 0 * z
+                out[at] = a
             else:
                 out[at + q], out[at - q] = a * real, a * imaginary
-    return np.array(out)
+    return out
 
 
 @lru_cache(maxsize=32)
