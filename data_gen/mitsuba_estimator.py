@@ -133,15 +133,12 @@ class Estimator:
         Whether each emitter sample is joined by a sample of the lobes. Without, a peak is found by chance alone.
     sampler : str
         Name of a Mitsuba sampler.
-    least : int
-        Bounces that light comes by at least: what comes by fewer is left out, and not sampled.
     """
 
     surface: Surface
     environment: Environment
     sample_lobes: bool = True
     sampler: str = SAMPLER
-    least: int = 0
 
     @cached_property
     def scene(self) -> Any:
@@ -169,7 +166,7 @@ class Estimator:
         if self.surface.occluder is None:
             return 0
         drawn = 1 + self.sample_lobes if not self.surface.bounces else 2 * self.surface.bounces + 1 + self.sample_lobes
-        return (drawn - self.least) * len(self.environment.parts)
+        return drawn * len(self.environment.parts)
 
     def replicate(self, points: Points, samples: NDArray[np.int_] | int, seed: np.random.SeedSequence) -> Array:
         """Estimate the radiance at every point, (n, 3), from `samples` (powers of four) at each.
@@ -330,13 +327,11 @@ class Estimator:
             sampler = draws[0]
             here = replace(place, position=where[0], geometric=where[1], normal=where[2])
             si = self._averaged(mi, si, draws)
-            counts = active & (depth >= self.least) if self.least else active
-            ds, light = emission.sample_direction(si, sampler.next_2d(), counts)
-            value, pdf = reflector.eval_pdf(context, si, si.to_local(ds.d), counts & (ds.pdf > 0))
+            ds, light = emission.sample_direction(si, sampler.next_2d(), active)
+            value, pdf = reflector.eval_pdf(context, si, si.to_local(ds.d), active & (ds.pdf > 0))
             share = _balance(ds.pdf, pdf) if self.sample_lobes else 1.0
             bare = through * light * value * share
-            lit = dr.select(counts, bare, mi.Color3f(0)) if self.least else bare
-            gained = self._unshadowed(mi, here, ds.d, lit)
+            gained = self._unshadowed(mi, here, ds.d, bare)
             others: list[tuple[Any, Any]] = []
             if bounces or self.sample_lobes or beside:
                 sample, weight = reflector.sample(context, si, sampler.next_1d(), sampler.next_2d(), active)
@@ -360,7 +355,7 @@ class Estimator:
                     cast = active & dr.any(through > 0) & (last | (depth < bounces))
                     found = self._met(mi, here.ray(mi, direction), cast)
                     clear = dr.select(found.is_valid(), mi.Color3f(0), through)
-                    gained += dr.select(found.is_valid() | ~counts, mi.Color3f(0), sent)
+                    gained += dr.select(found.is_valid(), mi.Color3f(0), sent)
                 others = [(clear * light, through * light) for light in lights]
                 if bounces:
                     si, here, active = self._reached(mi, found, here, direction)

@@ -32,7 +32,6 @@ import data_gen.mitsuba_volume
 import data_gen.mitsuba_walk
 import envbench.arrays
 import envbench.material
-import references.allocation
 import references.closed_form
 import references.effects.facts
 import references.effects.without
@@ -44,7 +43,6 @@ from envbench.scene import Effect, Scene
 
 SOURCES = (
     direct,
-    references.allocation,
     references.estimators,
     data_gen.lattice,
     data_gen.mitsuba_diffuse,

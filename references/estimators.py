@@ -1,12 +1,11 @@
 """Which of Mitsuba's estimators serve a scene best: what reflects there, and how its light is sampled.
 
-A scene that everything is simulated on, facts unheeded (`Scene.heeded`), has one path tracer for all effects. Else each
-part of the light has the estimator that is cheapest for it:
+A scene that everything is simulated on, facts unheeded (`Scene.heeded`), has one path tracer for all effects: Mitsuba's
+`path`, or `volpath`. Else it has the estimator that is cheapest for its effects:
 
 - a diffuse surface that shadows itself, under light without detail: what the shape changes of the closed form alone,
   one ray a bounce and none to the light (`data_gen.mitsuba_diffuse`);
-- else, where bounces make little of the noise, direct light and what comes by way of the shape are estimated apart,
-  each from samples of its own: the one is cheap and noisy, the other dear and quiet.
+- light without detail that scatters inside: walks that look at the light where they end (`data_gen.mitsuba_walk`).
 """
 
 from __future__ import annotations
@@ -96,17 +95,6 @@ def estimator_for(scene: Scene, settings: ReferenceSettings) -> Estimator:
     variance = (looks.var(1, ddof=1) / _PILOT_REPLICATES).mean((1, 2))
     missed = ((looks[1].mean(0) - looks[0].mean(0)) ** 2).mean() - variance[0]
     return light if max(variance[1], missed) < _COST ** (2 * 0.7) * variance[0] else both
-
-
-def divisible(scene: Scene, estimator: Estimator) -> bool:
-    """Whether direct light and bounces may be estimated apart."""
-    plain = type(estimator) is Estimator and not estimator.surface.variant.startswith("scalar")
-    return scene.heeded and plain and estimator.surface.bounces > 0
-
-
-def divided(whole: Estimator) -> tuple[Estimator, Estimator]:
-    """Return the estimators of direct light, and of what comes by way of the shape."""
-    return replace(whole, surface=replace(whole.surface, bounces=0)), replace(whole, least=1)
 
 
 def _unshadowed(scene: Scene, floor: float) -> Array | None:

@@ -1,6 +1,6 @@
 """Ground truth by Mitsuba: reflected radiance at the query points, with its noise, from as many samples as it takes.
 
-How light is sampled, and in how many parts, is what serves the scene best (`references.estimators`).
+How light is sampled is what serves the scene best (`references.estimators`).
 
 What is simulated follows the scene's effects:
 
@@ -24,20 +24,26 @@ surface that nothing shadows, under a light of few bands, is not sampled at all 
 
 from __future__ import annotations
 
+import math
 import time
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
+from envbench.directions import Array
 from envbench.reference import Reference, ReferenceSettings
 from envbench.scene import Scene
 from references import closed_form
-from references.allocation import MOST, SECOND, Part, apart, planned
 from references.effects.without import simulated
-from references.estimators import FIRST, divisible, estimator_for, surface_for
+from references.estimators import FIRST, estimator_for, surface_for
 
 _EXACT = 0.1
 """Part of the noise floor asked for that a closed form may err by, at any point."""
+_MOST = 4**10
+"""Samples a point in one replicate, at most."""
+_SECOND = 4
+"""How many times the samples of the first look a second one takes, where many more are to come."""
 _GROWTH = 100
 """Most that the samples of one step exceed those of the step that it is planned from."""
 _MARGIN = 0.87
@@ -47,8 +53,7 @@ _MARGIN = 0.87
 def render(scene: Scene, settings: ReferenceSettings, key: str = "") -> Reference:
     """Sample until the noise floor reaches its target or the budget ends.
 
-    Each step renders afresh, with the samples that the noise of the step before calls for, most where it was highest
-    (`references.allocation`).
+    Each step renders afresh, with the samples that the noise of the step before calls for, most where it was highest.
     As no estimate enters the plan of its own samples, all stay unbiased.
 
     Parameters
@@ -77,50 +82,46 @@ def render(scene: Scene, settings: ReferenceSettings, key: str = "") -> Referenc
     exact = _exact(scene, result)
     if exact is not None:
         return replace(exact, seconds=time.perf_counter() - started)
+    estimator = estimator_for(scene, settings)
     modulation = 1.0 if scene.points.modulation is None else scene.points.modulation
-    whole = estimator_for(scene, settings)
     first = FIRST // 4 if settings.variant.startswith("scalar") else FIRST
-    parts = [Part(whole, np.full(len(scene.points), first))]
-    goal, rays, looks = _MARGIN * settings.floor, 0, 0
+    samples = np.full(len(scene.points), first)
+    goal, order, before, rays = _MARGIN * settings.floor, estimator.order, (0, 0.0), 0
     while True:
-        if not looks and divisible(scene, whole):
-            direct, rest = parts[0].look(scene.points, settings)
-            rays += parts[0].rays
-            parts = apart(parts[0], direct, rest, scene.points.weight, modulation)
-        else:
-            for place, part in enumerate(parts):
-                part.sample(scene.points, settings, place)
-            rays += sum(part.rays for part in parts)
-        replicates = np.sum([part.replicates for part in parts], axis=0) * modulation
+        seeds = np.random.SeedSequence((settings.seed, int(samples.sum()))).spawn(settings.replicates)
+        estimates: list[Array] = []
+        step = 0.0
+        for seed in seeds:
+            estimates.append(estimator.replicate(scene.points, samples, seed) * modulation)
+            step = step or time.perf_counter()  # a first replicate may have had to compile: what comes has not
+        replicates = np.stack(estimates)
+        rays += estimator.rays * int(samples.sum()) * settings.replicates
+        now = time.perf_counter()
         result = replace(
             result,
             replicates=replicates.astype(np.float32).astype(np.float64),
-            samples=round(sum(part.samples.mean() for part in parts)),
-            seconds=time.perf_counter() - started,
+            samples=round(samples.mean()),
+            seconds=now - started,
             visibility_rays=rays,
         )
         if result.floor <= settings.floor:
             return result
-        looks += 1
-        powers = [part.power(scene.points.weight, modulation) for part in parts]
-        if looks == 2:
-            for part, power in zip(parts, powers, strict=True):
-                part.learn_order(power)
-        elif looks > 2:  # a plan that fell short is not made again, but with a lower goal
+        if before[0] == first:
+            measured = math.log(before[1] / result.floor) / math.log(result.samples / before[0])
+            order = min(max(measured, estimator.order), 1.0)
+        elif before[0]:  # a plan that fell short is not made again, but with a lower goal
             goal *= settings.floor / result.floor
-        spent = sum(part.spent for part in parts)
-        left = 0.9 * (settings.budget - result.seconds) / settings.replicates
-        affordable = left / sum(part.seconds for part in parts)
-        target = goal * result.rms if result.rms > 0 else goal
-        samples, noise = planned(parts, powers, target, min(affordable, _GROWTH) * spent)
-        floor = noise / (result.rms or 1.0)
+        cost = (now - step) * settings.replicates / (settings.replicates - 1)
+        affordable = 0.9 * (settings.budget - result.seconds) / cost
+        planned, floor = _plan(result, samples, order, goal, min(affordable, _GROWTH))
+        if not before[0] and planned.mean() > 2 * _SECOND * first and affordable > 2 * _SECOND:
+            planned = _SECOND * samples  # a second look, at the same samples everywhere, shows the order
+        before = result.samples, result.floor
         if floor > settings.floor and floor > 0.9 * result.floor:
-            most = max(part.samples.max() for part in parts) == MOST
-            end = f"{MOST} samples a point" if most else f"the budget of {settings.budget:g} s"
+            end = f"{_MOST} samples a point" if samples.max() == _MOST else f"the budget of {settings.budget:g} s"
             note = f"noise floor {result.floor:.1e} instead of {settings.floor:.1e}: {end} came first"
             return replace(result, notes=(note,))
-        for part, power, wanted in zip(parts, powers, samples, strict=True):
-            part.plan(wanted, power, second=looks == 1 and affordable > 2 * SECOND)
+        samples = planned
 
 
 def _exact(scene: Scene, empty: Reference) -> Reference | None:
@@ -136,3 +137,26 @@ def _exact(scene: Scene, empty: Reference) -> Reference | None:
     exact = np.broadcast_to(values.astype(np.float32).astype(np.float64), empty.replicates.shape)
     found = replace(empty, replicates=exact, notes=(f"in closed form, to {error:.1e} at every point",))
     return found if error <= _EXACT * empty.target * found.rms else None
+
+
+def _plan(
+    measured: Reference, samples: NDArray[np.int_], order: float, goal: float, growth: float
+) -> tuple[NDArray[np.int_], float]:
+    """Return the samples a point, (n,) powers of four, that reach `goal` at the least cost, and the floor expected.
+
+    With a noise of q_i N_i^-p at point i, p the `order`, weighed w_i, the sum of w_i q_i^2 N_i^-2p for a given sum of
+    N_i is least at N_i ~ (w_i q_i^2)^(1 / (2 p + 1)). There are at most `growth` times the `samples` measured with.
+    """
+    power = (measured.standard_error**2).mean(-1) * measured.weight / measured.weight.sum()
+    constant = power * samples ** (2 * order)
+    share = np.maximum(constant, 1e-4 * constant.max()) ** (1 / (2 * order + 1))
+    best = samples, measured.floor
+    for scale in np.geomspace(1, _MOST, 16 * round(math.log2(_MOST))) / share.max():
+        exponents = np.clip(np.round(np.log(scale * share) / np.log(4)), 2, math.log(_MOST, 4))
+        planned = 4 ** exponents.astype(int)
+        if planned.sum() > growth * samples.sum():
+            break
+        best = planned, float(np.sqrt((constant / planned ** (2 * order)).sum())) / (measured.rms or 1.0)
+        if best[1] <= goal:
+            break
+    return best

@@ -58,7 +58,7 @@ def planned(scene: Scene, settings: EffectSettings, reference: ReferenceSettings
     known = facts(scene)
     match settings.plan:
         case Plan.ALL:
-            made = _all(scene, known)
+            made = _all(scene, known, reference.bounces)
         case Plan.FACTS:
             made = _with(scene, (_by_fact(effect, fact, "") for effect, fact in known.items()))
         case Plan.AUTO:
@@ -101,7 +101,7 @@ def contributions(scene: Scene, settings: EffectSettings, reference: ReferenceSe
     return Contributions(made, planner.whole(looks).mean(0), differences, REPLICATES * looks.samples)
 
 
-def _all(scene: Scene, known: dict[Effect, Fact]) -> Scene:
+def _all(scene: Scene, known: dict[Effect, Fact], bounces: int) -> Scene:
     """Return the scene with everything on: shadows and bounces on convex shapes too, unless light scatters inside."""
     wanted = {e for e, fact in known.items() if fact.occasion}
     wanted |= {SHADOWS, BOUNCES} if INSIDE not in wanted else set()
@@ -114,7 +114,7 @@ def _all(scene: Scene, known: dict[Effect, Fact]) -> Scene:
         else _by_fact(effect, known[effect], "")
         for effect in Effect
     )
-    return replace(_with(scene, decisions), geometry=unheeded, heeded=False)
+    return replace(_with(scene, decisions), geometry=unheeded, heeded=False, bounces=bounces)
 
 
 def _held(scene: Scene, settings: EffectSettings) -> Scene:

@@ -20,7 +20,7 @@ from envbench.material import Lobe, Material, Texture
 from envbench.reference import ReferenceSettings
 from envbench.scene import FREE, Effect, Scene
 from references import closed_form
-from references.estimators import divided, divisible, estimator_for
+from references.estimators import estimator_for
 from references.mitsuba_direct import render
 
 K = 16
@@ -94,21 +94,6 @@ def test_what_nothing_shadows_has_no_noise(mi: ModuleType, lit: Environment) -> 
     found = replicates(estimator_for(made, SETTINGS), away, 64)
     exact, error = closed_form.radiance(made.material, made.environment, away)
     np.testing.assert_allclose(found, np.broadcast_to(exact, found.shape), atol=3e-5 * np.abs(exact).max() + error)
-
-
-@pytest.mark.parametrize("lobes", [(Lambertian(),), (Lambertian(reflectance=(0.4, 0.4, 0.4)), Phong(exponent=20))])
-def test_direct_light_and_bounces_add_up(mi: ModuleType, lit: Environment, lobes: tuple[Lobe, ...]) -> None:
-    made = replace(scene(lit, *lobes), effects=EFFECTS | FREE)
-    whole = estimator_for(made, SETTINGS)
-    assert divisible(made, whole)
-    assert not divisible(replace(made, heeded=False), whole)
-    direct, rest = divided(whole)
-    assert (direct.surface.bounces, rest.least, whole.least) == (0, 1, 0)
-    a = replicates(direct, made.points, 256) + replicates(rest, made.points, 256)
-    assert_same(a, replicates(whole, made.points, 256))
-    parts = np.array([rest.by_bounce(made.points, 64, np.random.SeedSequence(1)).mean((1, 2))])
-    assert parts[0, 0] == 0
-    assert (parts[0, 1:] > 0).all()
 
 
 def test_what_is_known_is_used_only_where_it_may_be(mi: ModuleType, lit: Environment) -> None:
