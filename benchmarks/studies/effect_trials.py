@@ -20,7 +20,7 @@ from references.effects.probe import Estimators, Looks, Variant, look
 
 SCENES = 200
 TOLERANCES = 0.02, 0.005, 0.00125
-SETTINGS = ReferenceSettings(floor=1e-2, budget=20.0, bounces=4)
+SETTINGS = ReferenceSettings(floor=1e-2, budget=20.0, bounces=8)
 SAMPLES = 64, 256, 1024
 """A point of each replicate, for what effects truly contribute: the fewer points there are, the more."""
 _LANES = 2**18
