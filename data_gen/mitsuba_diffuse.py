@@ -36,7 +36,7 @@ class Openness(Estimator):
     def _sampler(self, mi: Any, samples: int, seed: Any, lanes: int) -> Any:
         return Lattice.of(mi, lanes, samples, seed)
 
-    def _by_bounce(self, mi: Any, si: Any, place: Any, draws: list[Draws]) -> list[Any]:
+    def _by_bounce(self, mi: Any, si: Any, place: Any, draws: list[Draws], beside: Any = None) -> list[Any]:
         import drjit as dr
 
         numbers = draws[0][0]
@@ -98,7 +98,7 @@ class Diffuse(Estimator):
     def _kept(self) -> dict[str, Any]:
         return {}
 
-    def _by_bounce(self, mi: Any, si: Any, place: Any, draws: list[Draws]) -> list[Any]:
+    def _by_bounce(self, mi: Any, si: Any, place: Any, draws: list[Draws], beside: Any = None) -> list[Any]:
         import drjit as dr
 
         context, reflector = mi.BSDFContext(), self.surface.bsdf

@@ -26,7 +26,7 @@ RAYS = 1000
 PLANNING = EffectSettings()
 """Accuracy .05: the tolerance is .005."""
 ORDER = 0.75
-"""With which the noise of a reference falls, about, by its samples."""
+"""With which the noise of a reference falls by its samples, at most."""
 MOST_SHARE = 0.05
 """Of what is saved, that probes may cost."""
 LEAST_GAIN = 3.0
@@ -79,8 +79,8 @@ def effects_known() -> Study:
     return Study(
         "effects-known",
         "Effects planned on scenes of known answer",
-        f"Tolerance {PLANNING.limit:g} of the RMS radiance. Times are those of the reference, brought to a noise floor "
-        f"of {KNOWN.floor:g} where it has less or more, and of diffuse transfer ({RAYS:,} rays a vertex) where the "
+        f"Tolerance {PLANNING.limit:g} of the RMS radiance. Times are those of the reference, to a noise floor of "
+        f"{KNOWN.floor:g}, and of diffuse transfer ({RAYS:,} rays a vertex) where the "
         "material is diffuse and the shape a mesh: with the effects planned, and with everything on: one path tracer "
         f"for all that may occur (light and lobes sampled, {KNOWN.bounces} bounces, rays whatever the shape; volpath "
         "where light scatters inside). Where all that occurs matters, a plan saves by how it is simulated: light "
@@ -152,10 +152,10 @@ def _probed(scene: Scene) -> float:
 
 
 def at_floor(made: Reference, settings: ReferenceSettings) -> float:
-    """Return the seconds that a reference of just the floor asked for takes: samples come in powers of four, and noise
-    falls with their number to the power of `ORDER`. One without noise takes what it took.
+    """Return the seconds that a reference took; where its budget came before its floor, those that the floor takes at
+    least: noise falls with the number of samples to the power of `ORDER` or more slowly.
     """
-    return made.seconds * (made.floor / settings.floor) ** (1 / ORDER) if made.floor > 0 else made.seconds
+    return made.seconds * max(made.floor / settings.floor, 1.0) ** (1 / ORDER)
 
 
 def apart(full: Reference, other: Reference) -> float:
