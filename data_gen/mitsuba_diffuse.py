@@ -101,6 +101,7 @@ class Diffuse(Estimator):
     def _by_bounce(self, mi: Any, si: Any, place: Any, draws: list[Draws], beside: Any = None) -> list[Any]:
         import drjit as dr
 
+        assert beside is None
         context, reflector = mi.BSDFContext(), self.surface.bsdf
         _ = self._free  # made before the loop
         deeper = dr.opaque(mi.Float, float(self._kept["openness"].mean()))

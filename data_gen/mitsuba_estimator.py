@@ -19,22 +19,18 @@ import itertools
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
-from functools import cached_property, lru_cache, partial
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from data_gen.boundary import is_closed
-from data_gen.geometry import mitsuba_mesh
-from data_gen.mitsuba_bsdf import bsdf, texture
-from data_gen.mitsuba_light import emitter
+from data_gen.mitsuba_place import Place, interaction
+from data_gen.mitsuba_surface import Surface, lit
 from envbench import llvm
-from envbench.directions import Array, normalised
+from envbench.directions import Array
 from envbench.environment import Environment
-from envbench.errors import BadInput
-from envbench.geometry import Geometry, Points, TriangleMesh
-from envbench.material import Material
+from envbench.geometry import Points
 from envbench.real_harmonics import terms
 
 SAMPLER = "multijitter"
@@ -50,77 +46,6 @@ _LANES = 2**22
 """Samples in flight at a time: bounds the memory."""
 _OWN = 0x9E3779B9
 """What sets the seeds of averages apart from those of the estimates: any odd number."""
-_LIFT = 2e-5
-"""How far off the surface rays start, relative to the shape's size and place: some 100 roundings of a coordinate."""
-
-
-@dataclass(frozen=True, eq=False)
-class Surface:
-    """What reflects: a material, and the mesh that can shadow it (None where nothing can).
-
-    Mitsuba's objects are made at first use, belong to `variant`, and are left out when pickled.
-
-    Attributes
-    ----------
-    bounces : int
-        How often light may come by way of the occluder, which reflects as the material does.
-    carried : bool
-        The occluder is the shape at rest, whose points are elsewhere than those seen: light from w reaches a point of
-        rotation R if at rest it comes through from R^T w. So a pose carries the transfer along, and no part of the
-        posed shape shadows another.
-    any_view : bool
-        The material looks the same from everywhere: its reflection is the mean over views about the shading normal,
-        weighed by their cosine. A point's radiance is its radiosity over pi.
-    any_tangent : bool
-        The material is the same along all tangents: the mean over their turns about the shading normal.
-    """
-
-    material: Material
-    occluder: TriangleMesh | None
-    variant: str = "llvm_ad_rgb"
-    bounces: int = 0
-    carried: bool = False
-    any_view: bool = False
-    any_tangent: bool = False
-
-    @classmethod
-    def of(cls, material: Material, geometry: Geometry, variant: str = "llvm_ad_rgb") -> Surface:
-        """Return the surface of a shape: a convex one, or the sphere in closed form, shadows nothing."""
-        return cls(material, None if geometry.convex else geometry.mesh, variant)
-
-    @cached_property
-    def bsdf(self) -> Any:
-        """Give the material as a `mi.BSDF`."""
-        llvm.mitsuba(self.variant)
-        return bsdf(self.material)
-
-    @cached_property
-    def shape(self) -> Any:
-        """Give the occluder as a `mi.Mesh`; None where there is none."""
-        return None if self.occluder is None else _mesh(self.variant, self.occluder)
-
-    @cached_property
-    def closed(self) -> bool:
-        """Whether the occluder bounds a solid, so that its inside is dark; of an open one both sides reflect."""
-        return self.occluder is not None and _closed(self.occluder)
-
-    @cached_property
-    def texture(self) -> Any:
-        """Give the material's texture as a `mi.Texture2f`; None where there is none."""
-        if self.material.texture is None:
-            return None
-        return texture(llvm.mitsuba(self.variant), self.material.texture)
-
-    @cached_property
-    def lift(self) -> float:
-        """How far off the occluder rays start."""
-        if self.occluder is None:
-            return 0.0
-        vertices = self.occluder.vertices
-        return _LIFT * float(np.linalg.norm(np.ptp(vertices, axis=0)) / 2 + np.abs(vertices).max())
-
-    def __getstate__(self) -> dict[str, Any]:
-        return {field.name: getattr(self, field.name) for field in fields(self)}
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,7 +73,7 @@ class Estimator:
     @cached_property
     def _scenes(self) -> tuple[tuple[float, Any], ...]:
         """The positive and the negative part of the light, as signs and scenes; the first holds the occluder."""
-        return _lit(self.surface.variant, self.environment, self.surface.occluder)
+        return lit(self.surface.variant, self.environment, self.surface.occluder)
 
     def __getstate__(self) -> dict[str, Any]:
         return {field.name: getattr(self, field.name) for field in fields(self)}
@@ -258,7 +183,7 @@ class Estimator:
             columns = np.ascontiguousarray(values[chosen].T, np.float32)
             return dr.gather(mi.Vector3f, mi.Vector3f(columns), point)
 
-        found = estimates(mi, self._interaction(mi, points, spread), self._place(mi, points, spread), draws)
+        found = estimates(mi, interaction(mi, self.surface, points, spread), self._place(mi, points, spread), draws)
         exact = [[mi.Float64(channel) for channel in rgb] for rgb in found]
         dr.eval(exact)
         return np.array([[dr.block_sum(c, samples).numpy() for c in rgb] for rgb in exact]).swapaxes(1, 2)
@@ -284,15 +209,18 @@ class Estimator:
         def taken(values: Array) -> Any:
             return mi.Vector3f(*(float(v) for v in values[chosen[0]]))
 
-        interaction, place = self._interaction(mi, points, taken), self._place(mi, points, taken)
+        si, place = interaction(mi, self.surface, points, taken), self._place(mi, points, taken)
         total = np.zeros(3)
         for _ in range(samples):
-            total += np.array(self._radiance(mi, interaction, place, draws), float)
+            total += np.array(self._radiance(mi, si, place, draws), float)
             for sampler in itertools.chain(*draws):
                 sampler.advance()
         return total
 
-    def _radiance(self, mi: Any, si: Any, place: _Place, draws: list[Draws]) -> Any:
+    def _place(self, mi: Any, points: Points, spread: Callable[[Array], Any]) -> Place:
+        return Place.of(mi, self.surface, points, spread)
+
+    def _radiance(self, mi: Any, si: Any, place: Place, draws: list[Draws]) -> Any:
         """Return one estimate of the reflected radiance."""
         total = mi.Color3f(0)
         for part in self._by_bounce(mi, si, place, draws):
@@ -300,7 +228,7 @@ class Estimator:
         return total
 
     def _by_bounce(
-        self, mi: Any, si: Any, place: _Place, draws: list[Draws], beside: tuple[Light, ...] | None = None
+        self, mi: Any, si: Any, place: Place, draws: list[Draws], beside: tuple[Light, ...] | None = None
     ) -> list[Any]:
         """Return one estimate for each number of bounces, of the light's parts by their signs; or all of `apart`."""
         size = 1 + self.surface.bounces if beside is None else (2 + self.surface.bounces) * (1 + len(beside))
@@ -312,7 +240,7 @@ class Estimator:
         return totals
 
     def _part(
-        self, mi: Any, emission: Any, si: Any, place: _Place, draws: Draws, beside: tuple[Light, ...] | None = None
+        self, mi: Any, emission: Any, si: Any, place: Place, draws: Draws, beside: tuple[Light, ...] | None = None
     ) -> list[Any]:
         """Return estimates under one part of the light: emitter and BSDF sample, weighed by their densities.
 
@@ -397,7 +325,7 @@ class Estimator:
             turned.wi = mi.warp.square_to_cosine_hemisphere(draws[1].next_2d())
         return turned
 
-    def _unshadowed(self, mi: Any, place: _Place, direction: Any, radiance: Any) -> Any:
+    def _unshadowed(self, mi: Any, place: Place, direction: Any, radiance: Any) -> Any:
         """Return `radiance`, or zero where the shape itself hides the light in `direction`."""
         import drjit as dr
 
@@ -418,7 +346,7 @@ class Estimator:
         found.initialize_sh_frame()
         return found
 
-    def _reached(self, mi: Any, found: Any, place: _Place, direction: Any) -> tuple[Any, _Place, Any]:
+    def _reached(self, mi: Any, found: Any, place: Place, direction: Any) -> tuple[Any, Place, Any]:
         """Return the surface that a ray in `direction` has found, as the light sees it and as rays leave it.
 
         An open shape is turned to the side that was met; the inside of a closed one is met by no path that counts.
@@ -439,120 +367,6 @@ class Estimator:
         si.uv = found.uv
         return si, replace(place, position=found.p, geometric=mi.Vector3f(n), normal=mi.Vector3f(frame.n)), active
 
-    def _interaction(self, mi: Any, points: Points, spread: Callable[[Array], Any]) -> Any:
-        """Return the surface interaction at the points, its arrays laid out by `spread`."""
-        import drjit as dr
-
-        si = dr.zeros(mi.SurfaceInteraction3f)
-        si.p = mi.Point3f(spread(points.position))
-        si.n = mi.Normal3f(spread(points.geometric_normal))
-        normal, s = spread(points.normal), spread(_orthogonal(points))
-        si.sh_frame = mi.Frame3f(s, dr.cross(normal, s), normal)
-        si.wi = si.to_local(spread(points.view))
-        if self.surface.material.transparency is not None:
-            if points.uv is None:
-                raise BadInput("a map of transparency needs points with uv; unwrap the mesh first.")
-            uv = spread(np.pad(points.uv, ((0, 0), (0, 1))))
-            si.uv = mi.Point2f(uv.x, uv.y)
-        return si
-
-    def _place(self, mi: Any, points: Points, spread: Callable[[Array], Any]) -> _Place:
-        """Return where the points are on the occluder, their arrays laid out by `spread`."""
-        import drjit as dr
-
-        position, geometric, normal, rotation = points.position, points.geometric_normal, points.normal, None
-        if self.surface.carried and self.surface.occluder is not None:
-            position, geometric, normal = _at_rest(self.surface.occluder, points)
-            if points.rotation is not None:
-                rotation = tuple(spread(points.rotation[:, row]) for row in range(3))
-        lift = dr.opaque(mi.Float, self.surface.lift)  # no constant of the kernel, which serves other shapes too
-        return _Place(mi.Point3f(spread(position)), spread(geometric), spread(normal), lift, rotation)
-
-
-@dataclass(frozen=True)
-class _Place:
-    """Where rays leave the occluder: `position`, geometric and shading `normal` in its own frame, all Mitsuba's.
-
-    `rotation` holds the rows of the matrix that turns the occluder's frame into the light's; None where they are one.
-    `sky` is what part of the directions meets nothing, where that was asked for.
-    """
-
-    position: Any
-    geometric: Any
-    normal: Any
-    lift: Any
-    rotation: tuple[Any, ...] | None = None
-    sky: Any = None
-
-    def ray(self, mi: Any, direction: Any) -> Any:
-        """Return the ray in a `direction` of the light's frame.
-
-        It starts off the surface on the side of the shading normal that it goes to. Leaving on the geometric normal's
-        side instead, a vertex would look into a convex shape past all but one of its triangles.
-        """
-        import drjit as dr
-
-        turned = self.at_rest(mi, direction)
-        side = dr.mulsign(mi.Float(self.lift), dr.dot(self.normal, turned))
-        return mi.Ray3f(self.position + side * self.geometric, turned)
-
-    def at_rest(self, mi: Any, vector: Any) -> Any:
-        """Return R^T v."""
-        if self.rotation is None:
-            return vector
-        x, y, z = self.rotation
-        return mi.Vector3f(x * vector.x + y * vector.y + z * vector.z)
-
-    def posed(self, mi: Any, vector: Any) -> Any:
-        """Return R v."""
-        import drjit as dr
-
-        vector = mi.Vector3f(vector)
-        return vector if self.rotation is None else mi.Vector3f(*(dr.dot(row, vector) for row in self.rotation))
-
-
-@lru_cache(maxsize=4)
-def _closed(occluder: TriangleMesh) -> bool:
-    return is_closed(occluder)
-
-
-@lru_cache(maxsize=2)
-def _mesh(variant: str, occluder: TriangleMesh) -> Any:
-    return mitsuba_mesh(llvm.mitsuba(variant), occluder)
-
-
-@lru_cache(maxsize=2)
-def _lit(variant: str, environment: Environment, occluder: TriangleMesh | None) -> tuple[tuple[float, Any], ...]:
-    """Return the parts of a light, as signs and scenes; the first holds the occluder. Kept for the next estimators."""
-    mi = llvm.mitsuba(variant)
-    import drjit as dr
-
-    made: list[tuple[float, Any]] = []
-    for sign, part in environment.parts:
-        content = {"type": "scene", "light": emitter(part)}
-        if occluder is not None and not made:
-            content["shape"] = _mesh(variant, occluder)
-        scene = mi.load_dict(content)
-        # What Mitsuba would evaluate at first use is so here: else the first kernel would be compiled twice.
-        parameters = mi.traverse(scene)
-        dr.eval([parameters[key] for key in parameters.keys()])  # noqa: SIM118 - no mapping
-        made.append((sign, scene))
-    return tuple(made)
-
-
-def _at_rest(mesh: TriangleMesh, points: Points) -> tuple[Array, Array, Array]:
-    """Return position, geometric and shading normal, (n, 3) each, of the points on the mesh at rest."""
-    if points.triangle is None or points.barycentric is None:
-        raise BadInput(
-            "shadows of the shape at rest need points with triangle and barycentric; take those of an image."
-        )
-    corners = mesh.triangles[points.triangle]
-    a, b, c = (mesh.vertices[corners[:, k]] for k in range(3))
-    position, normal = (
-        np.einsum("nk,nkc->nc", points.barycentric, values[corners]) for values in (mesh.vertices, mesh.normals)
-    )
-    return position, normalised(np.cross(b - a, c - a)), normalised(normal)
-
 
 def _chunks(indices: NDArray[np.int_], size: int) -> list[NDArray[np.int_]]:
     return [indices[start : start + size] for start in range(0, len(indices), size)]
@@ -563,9 +377,3 @@ def _balance(a: Any, b: Any) -> Any:
     import drjit as dr
 
     return dr.select(a > 0, a / dr.maximum(a + b, 1e-30), 0)
-
-
-def _orthogonal(points: Points) -> Array:
-    """Return the tangents, made perpendicular to the shading normals."""
-    along = np.sum(points.tangent * points.normal, axis=-1, keepdims=True)
-    return normalised(points.tangent - along * points.normal)

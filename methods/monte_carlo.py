@@ -10,7 +10,8 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from data_gen.mitsuba_estimator import Estimator, Surface
+from data_gen.mitsuba_estimator import Estimator
+from data_gen.mitsuba_surface import Surface
 from envbench.environment import Environment
 from envbench.errors import BadInput
 from envbench.geometry import Geometry, Points

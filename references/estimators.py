@@ -16,7 +16,8 @@ import numpy as np
 
 from data_gen.lobes import Lambertian, Membrane
 from data_gen.mitsuba_diffuse import Diffuse
-from data_gen.mitsuba_estimator import Estimator, Surface
+from data_gen.mitsuba_estimator import Estimator
+from data_gen.mitsuba_surface import Surface
 from envbench.directions import Array
 from envbench.reference import ReferenceSettings
 from envbench.scene import Effect, Scene

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from data_gen.mitsuba_estimator import Estimator, Surface
+from data_gen.mitsuba_estimator import Estimator
+from data_gen.mitsuba_surface import Surface
 from data_gen.mitsuba_volume import Scattering
 from data_gen.mitsuba_walk import Walk
 from envbench.environment import Environment

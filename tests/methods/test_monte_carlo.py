@@ -11,7 +11,7 @@ from scipy import stats
 
 from data_gen.geometry import build
 from data_gen.lobes import Lambertian, Microfacet, Phong
-from data_gen.mitsuba_estimator import Surface
+from data_gen.mitsuba_surface import Surface
 from envbench import laws
 from envbench.directions import normalised, perpendicular, uniform
 from envbench.environment import Environment

@@ -11,7 +11,8 @@ import pytest
 import trimesh
 
 from data_gen.lobes import Lambertian
-from data_gen.mitsuba_estimator import Estimator, Surface
+from data_gen.mitsuba_estimator import Estimator
+from data_gen.mitsuba_surface import Surface
 from data_gen.mitsuba_volume import Scattering
 from data_gen.mitsuba_walk import Walk
 from envbench import latlong, real_harmonics

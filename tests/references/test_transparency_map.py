@@ -11,7 +11,8 @@ import pytest
 
 from data_gen import geometry, views
 from data_gen.materials import build
-from data_gen.mitsuba_estimator import Estimator, Surface
+from data_gen.mitsuba_estimator import Estimator
+from data_gen.mitsuba_surface import Surface
 from envbench import latlong, real_harmonics
 from envbench.environment import Environment
 from envbench.errors import BadInput

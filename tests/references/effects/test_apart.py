@@ -10,7 +10,8 @@ import pytest
 
 from data_gen.environments.projected import project
 from data_gen.lobes import GGX, Lambertian, Phong
-from data_gen.mitsuba_estimator import Estimator, Surface
+from data_gen.mitsuba_estimator import Estimator
+from data_gen.mitsuba_surface import Surface
 from envbench import latlong, real_harmonics
 from envbench.directions import normalised, perpendicular
 from envbench.environment import Environment

@@ -11,7 +11,8 @@ import pytest
 
 from data_gen.environments.projected import project
 from data_gen.lobes import KajiyaKay, Lambertian, Phong
-from data_gen.mitsuba_estimator import Estimator, Surface
+from data_gen.mitsuba_estimator import Estimator
+from data_gen.mitsuba_surface import Surface
 from envbench import latlong
 from envbench.directions import normalised, perpendicular, uniform
 from envbench.environment import Environment

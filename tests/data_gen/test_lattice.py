@@ -1,0 +1,51 @@
+"""A shifted lattice: every dimension is stratified, pairs of them are, and shifts are independent of each other."""
+
+from __future__ import annotations
+
+from types import ModuleType
+
+import numpy as np
+import pytest
+
+from data_gen.lattice import VECTOR, Lattice
+
+N, LATTICES = 256, 400
+
+
+@pytest.fixture(scope="module")
+def numbers(mi: ModuleType) -> np.ndarray:
+    """(dimensions, lattices, N)"""
+    found = Lattice.of(mi, N * LATTICES, N, 7)
+    return np.array([found.number(mi.UInt32(d)).numpy() for d in range(len(VECTOR) + 2)]).reshape(-1, LATTICES, N)
+
+
+def test_each_dimension_is_stratified(numbers: np.ndarray) -> None:
+    """The points of a lattice are 1 / N apart in every dimension: N of them, shifted together."""
+    assert (numbers >= 0).all()
+    assert (numbers < 1).all()
+    apart = np.diff(np.sort(numbers[: len(VECTOR)], axis=-1), axis=-1)
+    np.testing.assert_allclose(apart, 1 / N, atol=2e-7)
+
+
+def test_pairs_are_spread(numbers: np.ndarray) -> None:
+    """The mean of a smooth function of two dimensions errs far less than that of independent numbers."""
+    a, b = numbers[0], numbers[1]
+    means = (np.sin(2 * np.pi * a) * np.cos(2 * np.pi * b) + a * b).mean(-1)
+    independent = np.sqrt((1 / 4 + 7 / 144) / N)
+    assert means.std() < independent / 4
+    assert abs(means.mean() - 0.25) < 5 * means.std() / np.sqrt(LATTICES)
+
+
+def test_dimensions_beyond_the_vector_are_random(numbers: np.ndarray) -> None:
+    beyond = numbers[-1]
+    assert abs(beyond.mean() - 0.5) < 5 / np.sqrt(12 * beyond.size)
+    assert abs(np.corrcoef(beyond.ravel(), numbers[-2].ravel())[0, 1]) < 5 / np.sqrt(beyond.size)
+
+
+def test_shifts_are_uniform_and_differ(mi: ModuleType, numbers: np.ndarray) -> None:
+    shifts = numbers[:4, :, 0]
+    assert (np.abs(shifts.mean(-1) - 0.5) < 5 / np.sqrt(12 * LATTICES)).all()
+    off = np.abs(np.corrcoef(shifts) - np.eye(4))
+    assert off.max() < 5 / np.sqrt(LATTICES)
+    other = Lattice.of(mi, N * LATTICES, N, 8).number(mi.UInt32(0)).numpy()
+    assert abs(np.corrcoef(other[::N], numbers[0, :, 0])[0, 1]) < 5 / np.sqrt(LATTICES)
