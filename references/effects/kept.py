@@ -18,10 +18,10 @@ from envbench.effects import EffectSettings
 from envbench.reference import ReferenceSettings
 from envbench.scene import Basis, Decision, Effect, Plan, Scene
 from references.cache import address, provenance
-from references.effects import bounces, planner, probe
+from references.effects import bounces, planner, probe, variants
 from references.effects.planner import planned
 
-SOURCES = (planner, probe, bounces, envbench.effects, envbench.uncertainty)
+SOURCES = (planner, probe, variants, bounces, envbench.effects, envbench.uncertainty)
 """Modules whose code is part of the address, beside those of a reference's."""
 
 

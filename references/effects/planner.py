@@ -1,8 +1,6 @@
 """Which effects ground truth simulates on a scene: by facts, else by probes whose bounds decide against the tolerance.
 
-Everything is held against the scene with all effects that it has occasion for ("full"), but self-shadowing: without it
-there is nothing to reflect light onto the shape, so with and without it are compared without bounces. Light that
-scatters inside is held against an opaque surface that shadows itself.
+What is held against what: `references.effects.variants`.
 """
 
 from __future__ import annotations
@@ -10,21 +8,17 @@ from __future__ import annotations
 import time
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 
 import numpy as np
 
-from envbench import real_harmonics
 from envbench.directions import Array
 from envbench.effects import EffectSettings, Probe
 from envbench.reference import ReferenceSettings
 from envbench.scene import FREE, Basis, Decision, Effect, Plan, Scene
-from references.effects.bounces import rest_of_bounces
-from references.effects.facts import Fact, facts, occasions, opaque
-from references.effects.probe import REPLICATES, SHADOWED, Bound, Estimators, Looks, Variant, look, needed_samples
+from references.effects.facts import Fact, facts, opaque
+from references.effects.probe import REPLICATES, Bound, Looks, Variant, look, needed_samples
+from references.effects.variants import BOUNCES, INSIDE, POSED, SHADOWS, Variants
 
-SHADOWS, BOUNCES, POSED = Effect.SELF_SHADOWING, Effect.INTERREFLECTION, Effect.DEFORMATION
-INSIDE = Effect.SUBSURFACE
 _AT_ONCE, _SOME = 4096, 2048
 """Points that are all looked at from the start; and of more, how many at first: enough to see what matters much."""
 _LANES = 2**15
@@ -33,8 +27,6 @@ _SAMPLES = 4, 16, 64, 256, 1024
 """Samples of the looks at all points, until the bounds decide; of the first look the most that `_LANES` allow."""
 _FASTEST = 1.5
 """Order in which the square of a contribution gets surer with samples, or less."""
-_MOST_BANDS = 8
-"""Bands up to which light without detail is seen beside the light itself, by the same paths."""
 _SHOWN = 16
 """Samples, of each replicate, of pictures."""
 _SHARE, _LEAST = 0.05, 0.3
@@ -96,9 +88,9 @@ def contributions(scene: Scene, settings: EffectSettings, reference: ReferenceSe
     planner = _Planner(scene, replace(settings, plan=Plan.AUTO, probe=Probe.ALL), reference, facts(scene))
     made = _held(planner.plan(), settings)
     looks = look(scene, reference, len(scene.points), _SHOWN, len(_SAMPLES) + 1)
-    pairs = {effect: planner.pair(looks, effect) for effect in planner.bounds}
+    pairs = {effect: planner.variants.pair(looks, effect) for effect in planner.bounds}
     differences = {effect: (full - without).mean(0) for effect, (full, without) in pairs.items()}
-    return Contributions(made, planner.whole(looks).mean(0), differences, REPLICATES * looks.samples)
+    return Contributions(made, planner.variants.whole(looks).mean(0), differences, REPLICATES * looks.samples)
 
 
 def _all(scene: Scene, known: dict[Effect, Fact], bounces: int) -> Scene:
@@ -149,11 +141,13 @@ class _Planner:
     settings: EffectSettings
     reference: ReferenceSettings
     known: dict[Effect, Fact]
-    estimators: Estimators = field(default_factory=Estimators)
+    variants: Variants = field(init=False)
     looks: list[Looks] = field(default_factory=list[Looks])
     bounds: dict[Effect, list[Bound]] = field(default_factory=dict[Effect, list[Bound]])
-    probed: list[Effect] = field(default_factory=list[Effect])
     started: float = 0.0
+
+    def __post_init__(self) -> None:
+        self.variants = Variants(self.scene, self.known, self.reference.bounces)
 
     def plan(self) -> Scene:
         """Decide by facts, then by probes, then on all that is left out together."""
@@ -191,87 +185,10 @@ class _Planner:
     def _probed(self, effect: Effect) -> bool:
         return self.known[effect].occasion and (effect not in FREE or self.settings.probe == Probe.ALL)
 
-    @property
-    def _full(self) -> Variant:
-        effects = frozenset(e for e, fact in self.known.items() if fact.occasion)
-        return Variant(effects, self.reference.bounces if BOUNCES in effects else 0)
-
-    def _less(self, effect: Effect) -> Variant:
-        """Return the variant that an effect is missing from; without shadows there are no bounces either."""
-        effects = self._lacking({effect})
-        if effect is SHADOWS:
-            effects -= {BOUNCES, POSED}
-        return Variant(effects, self._full.bounces if BOUNCES in effects else 0)
-
-    def _lacking(self, without: set[Effect]) -> frozenset[Effect]:
-        """Return all effects but some; what light does not scatter in shadows itself, where it can."""
-        return (self._full.effects - without) | ({SHADOWS} & self._opaque if INSIDE in without else set())
-
-    @cached_property
-    def _opaque(self) -> frozenset[Effect]:
-        return occasions(opaque(self.scene))
-
-    def _rendered(self, looks: Looks, variant: Variant) -> Array:
-        """Return what a variant looks like, (K, n, 3)."""
-        source, full = self._source(variant), self._full
-        if not self._kin(source):
-            return looks.bounced(source, self.estimators)[variant.bounces if source == full else -1]
-        looks.apart(source, self.estimators, self._bands)
-        if SHADOWS not in variant.effects:
-            return looks.seen[Variant(variant.effects - SHADOWED, 0)][0]
-        found = looks.seen[Variant(variant.effects | full.effects & {BOUNCES}, full.bounces)]
-        return found[min(variant.bounces, len(found) - 1)]  # at rest, a shape may be convex
-
-    def _source(self, variant: Variant) -> Variant:
-        """Return the variant whose rendering shows this one.
-
-        One kernel shows the full one, fewer bounces, no shadows, and no light detail; it serves other views and the
-        shape at rest too.
-        """
-        full, also = self._full, {BOUNCES}
-        if INSIDE not in full.effects:
-            also |= SHADOWED if SHADOWS not in variant.effects else set()
-            also |= {Effect.LIGHT_DETAIL} if self._bands else set()
-        source = Variant(variant.effects | full.effects & also, full.bounces)
-        return source if source == full or self._kin(source) else variant
-
-    def _kin(self, source: Variant) -> bool:
-        """Whether a variant's kernel is that of the full one."""
-        full = self._full.effects
-        return INSIDE not in full and full - source.effects <= {POSED, Effect.PERSPECTIVE}
-
-    @cached_property
-    def _bands(self) -> tuple[Array, ...]:
-        """The harmonics of the light without detail, if that is to be seen."""
-        if Effect.LIGHT_DETAIL not in self.probed or self.scene.order > _MOST_BANDS:
-            return ()
-        return (real_harmonics.project(self.scene.environment.radiance.astype(np.float64), self.scene.order - 1),)
-
-    def whole(self, looks: Looks) -> Array:
-        """Return what a scene looks like with all effects, (K, n, 3)."""
-        return self._rendered(looks, self._full)
-
-    def pair(self, looks: Looks, effect: Effect) -> tuple[Array, Array]:
-        """Return what a scene looks like with an effect and without it, (K, n, 3) each."""
-        full, less = self._variants(effect)
-        return self._rendered(looks, full), self._rendered(looks, less)
-
-    def _variants(self, effect: Effect) -> tuple[Variant, Variant]:
-        return Variant(self._full.effects, 0) if effect is SHADOWS else self._full, self._less(effect)
-
-    def _measure(self, looks: Looks, effect: Effect) -> list[Bound]:
-        """Return what leaving an effect out makes: of bounces, all of them, all but one, all but two ..."""
-        if effect is not BOUNCES:
-            return [looks.bound(*self.pair(looks, effect))]
-        full, most = self.whole(looks), self._full.bounces
-        rests = [looks.bound(full, self._rendered(looks, Variant(self._full.effects, k))) for k in range(most)]
-        known = rest_of_bounces(self.scene, most) / _rms(full)
-        return [replace(b, high=min(b.high, float(m))) for b, m in zip(rests, known, strict=True)]
-
     # ---- looking until the bounds decide
 
     def _probe(self, probed: list[Effect]) -> None:
-        self.started, self.probed = time.perf_counter(), probed
+        self.started, self.variants.detail = time.perf_counter(), Effect.LIGHT_DETAIL in probed
         undecided = list(probed)
         for looks in self._levels():
             if self.looks and self.looks[-1].whole:
@@ -281,7 +198,7 @@ class _Planner:
                     return
             self.looks.append(looks)
             for effect in undecided:
-                self.bounds[effect] = self._measure(looks, effect)
+                self.bounds[effect] = self.variants.measured(looks, effect)
             undecided = [e for e in undecided if not self._decided(e)]
             if not undecided:
                 return
@@ -321,9 +238,9 @@ class _Planner:
     def _budget(self) -> float:
         if self.settings.budget is not None:
             return self.settings.budget
-        dear = next((e for e in (INSIDE, SHADOWS) if e in self._full.effects), None)
-        bare = self._full if dear is None else self._less(dear)
-        return max(_LEAST, _SHARE * (self._cost(self._full) - self._cost(bare)))
+        dear = next((e for e in (INSIDE, SHADOWS) if e in self.variants.full.effects), None)
+        bare = self.variants.full if dear is None else self.variants.less(dear)
+        return max(_LEAST, _SHARE * (self._cost(self.variants.full) - self._cost(bare)))
 
     def _affordable(self, looks: Looks, undecided: list[Effect]) -> bool:
         """Whether a look fits into the budget: a given one is of seconds in all, else of what kernels run for.
@@ -332,7 +249,7 @@ class _Planner:
         """
         ran = sum(past.rates[variant] * past.lanes for past in self.looks for variant in past.rates)
         spent = ran if self.settings.budget is None else time.perf_counter() - self.started
-        sources = {self._source(variant) for effect in undecided for variant in self._variants(effect)}
+        sources = {self.variants.source(variant) for effect in undecided for variant in self.variants.compared(effect)}
         return spent + looks.lanes * sum(self._rate(source) for source in sources) <= self._budget
 
     # ---- what it costs
@@ -342,8 +259,8 @@ class _Planner:
         known = [looks.rates[variant] for looks in self.looks if variant in looks.rates]
         if known:
             return min(known)
-        share = (1 + variant.bounces if SHADOWS in variant.effects else 0.5) / (1 + self._full.bounces)
-        return self._rate(self._full) * share
+        share = (1 + variant.bounces if SHADOWS in variant.effects else 0.5) / (1 + self.variants.full.bounces)
+        return self._rate(self.variants.full) * share
 
     def _cost(self, variant: Variant) -> float:
         """Estimate what a reference takes: the rate of the probe by the samples that its noise calls for.
@@ -351,8 +268,8 @@ class _Planner:
         The noise is that of all effects; but an opaque surface, where light else scatters inside, has its own.
         """
         looks = self.looks[-1]
-        own = INSIDE in self._full.effects - variant.effects and variant in looks.seen
-        values = self._rendered(looks, variant) if own else self.whole(looks)
+        own = INSIDE in self.variants.full.effects - variant.effects and variant in looks.seen
+        values = self.variants.rendered(looks, variant) if own else self.variants.whole(looks)
         samples = needed_samples(values, np.ones(values.shape[1]), looks.samples, self.reference.floor)
         lanes = max(samples, _FIRST_LOOK) * self.reference.replicates * len(self.scene.points)
         return float(min(self._rate(variant) * lanes, self.reference.budget))
@@ -362,9 +279,13 @@ class _Planner:
 
         Those that cost nothing bear a share only where there are no others: else it would be rendered without them too.
         """
-        own = 0.0 if effect is BOUNCES else sum(looks.seconds.get(self._less(effect), 0.0) for looks in self.looks)
+        own = (
+            0.0
+            if effect is BOUNCES
+            else sum(looks.seconds.get(self.variants.less(effect), 0.0) for looks in self.looks)
+        )
         bearing = self.bounds.keys() - FREE or self.bounds.keys()
-        shared = sum(looks.seconds.get(self._full, 0.0) for looks in self.looks) / len(bearing)
+        shared = sum(looks.seconds.get(self.variants.full, 0.0) for looks in self.looks) / len(bearing)
         return own + shared * (effect in bearing)
 
     # ---- decisions
@@ -377,12 +298,12 @@ class _Planner:
         if kept.get(POSED) and not kept.get(SHADOWS, 1):
             kept[POSED], reasons[POSED] = 0, "nothing to act on: no shadows are simulated"
         if kept.get(BOUNCES):
-            most = self._full.bounces
+            most = self.variants.full.bounces
             rest = self.bounds[BOUNCES][kept[BOUNCES]].high if kept[BOUNCES] < most else 0.0
             more = f": {kept[BOUNCES]} of {most} bounces" + (f", the rest adds at most {rest:.2%}" if rest else "")
             reasons[BOUNCES] += more
         made = {e: self._decision(e, kept[e] > 0, reasons[e], kept[e] if e is BOUNCES else None) for e in probed}
-        if kept.get(INSIDE) == 0 and SHADOWS in self._opaque:
+        if kept.get(INSIDE) == 0 and SHADOWS in self.variants.opaque:
             made[SHADOWS] = Decision(SHADOWS, True, Basis.FACT, "opaque and not convex: points may shadow one another")
         return made
 
@@ -407,12 +328,13 @@ class _Planner:
                 looks = look(self.scene, self.reference, len(self.scene.points), _SAMPLES[0], 1)
                 self.looks.append(looks)
             looks, without = self.looks[-1], {e for e, many in kept.items() if not many}
-            bounces = kept.get(BOUNCES, self._full.bounces)
+            bounces = kept.get(BOUNCES, self.variants.full.bounces)
             if bounces:
                 without.discard(SHADOWS)
             elif SHADOWS in without:
                 without.add(POSED)
-            joint = looks.bound(self.whole(looks), self._rendered(looks, Variant(self._lacking(without), bounces)))
+            rest = Variant(self.variants.lacking(without), bounces)
+            joint = looks.bound(self.variants.whole(looks), self.variants.rendered(looks, rest))
             if joint.high < self.settings.limit:
                 return
             rests = {e: self.bounds[e][many].value for e, many in kept.items() if many < len(self.bounds[e])}
@@ -422,18 +344,13 @@ class _Planner:
 
     def _decision(self, effect: Effect, simulated: bool, reason: str, bounces: int | None = None) -> Decision:
         bound = self.bounds[effect][0]
-        most = self._cost(self._full)
-        cost = max(most - self._cost(self._less(effect)), 0.0)
+        most = self._cost(self.variants.full)
+        cost = max(most - self._cost(self.variants.less(effect)), 0.0)
         if effect is BOUNCES and simulated:
-            saved = max(most - self._cost(Variant(self._full.effects, bounces or 0)), 0.0)
+            saved = max(most - self._cost(Variant(self.variants.full.effects, bounces or 0)), 0.0)
         else:
             saved = 0.0 if simulated else cost
         return Decision(
             effect, simulated, Basis.PROBE, reason, bound.value, bound.low, bound.high, cost, saved,
             self._spent(effect), bounces if simulated else None,
         )  # fmt: skip
-
-
-def _rms(values: Array) -> float:
-    """Return nine tenths of the RMS of replicates (K, n, 3): less than it is."""
-    return 0.9 * float(np.sqrt((values.mean(0) ** 2).mean()))

@@ -21,6 +21,7 @@ from references.effects.facts import facts
 from references.effects.kept import decided
 from references.effects.planner import contributions, planned
 from references.effects.probe import Bound, Variant
+from references.effects.variants import Variants
 from references.mitsuba_direct import render
 
 SKY = {"kind": "projected", "of": "studio", "order": 4}
@@ -85,6 +86,7 @@ def test_facts_render_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_all_heeds_no_facts_about_the_shape() -> None:
     made = planned(scene(height=0.0), EffectSettings(plan=Plan.ALL), REFERENCE)
+    assert (made.heeded, made.bounces) == (False, REFERENCE.bounces)
     assert made.effects >= {S, B}
     assert not made.geometry.convex
     assert by_effect(made)[S].basis is Basis.USER
@@ -121,7 +123,7 @@ def test_small_effects_that_add_up_are_put_back(monkeypatch: pytest.MonkeyPatch)
         return Bound(0, 0, 0.009) if without.bounces or D in without.effects else Bound(0, 0, 0.012)
 
     asked.looks = [SimpleNamespace(whole=True, bound=bound)]  # pyright: ignore[reportAttributeAccessIssue]
-    monkeypatch.setattr(planner._Planner, "_rendered", lambda self, looks, variant: variant)
+    monkeypatch.setattr(Variants, "rendered", lambda self, looks, variant: variant)
     kept, reasons = asked._kept([S, B, D])
     assert kept == {S: 1, B: 0, D: 0}
     asked._together(kept, reasons)
