@@ -14,8 +14,8 @@ VECTOR = (
     461527, 300343, 69681, 516695, 436179,
 )  # fmt: skip
 """z of the embedded lattice of Cools, Kuo and Nuyens (2006), order 2, 2^20 points; further dimensions are random."""
-_ROUNDS = 8
-"""Of the hash that shifts come from: with the usual four, neighbouring dimensions are correlated by .08."""
+ROUNDS = 8
+"""Of the hash that shifts come from: with the usual four, neighbouring lattices are correlated by a half."""
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ class Lattice:
         import drjit as dr
 
         index, count = dr.arange(mi.UInt32, lanes), dr.opaque(mi.UInt32, samples)
-        shift, _ = mi.sample_tea_32(index // count, mi.UInt32(seed), _ROUNDS)
+        shift, _ = mi.sample_tea_32(index // count, mi.UInt32(seed), ROUNDS)
         return cls(mi, mi.UInt32(VECTOR), index * dr.opaque(mi.UInt32, 2**32 // samples), shift)
 
     def number(self, dimension: Any) -> Any:
@@ -51,6 +51,6 @@ class Lattice:
         mi = self.mi
         within = dimension < len(VECTOR)
         z = dr.gather(mi.UInt32, self.vector, dimension, within)
-        own, _ = mi.sample_tea_32(self.shift, dimension, _ROUNDS)
-        apart, _ = mi.sample_tea_32(self.shift ^ self.step, dimension, _ROUNDS)
+        own, _ = mi.sample_tea_32(self.shift, dimension, ROUNDS)
+        apart, _ = mi.sample_tea_32(self.shift ^ self.step, dimension, ROUNDS)
         return mi.Float(dr.select(within, self.step * z + own, apart) >> 8) * 2.0**-24

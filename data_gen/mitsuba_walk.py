@@ -25,6 +25,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from data_gen.lattice import ROUNDS
 from data_gen.mitsuba_estimator import Estimator
 from data_gen.mitsuba_volume import MOST_EVENTS
 from envbench import llvm
@@ -155,7 +156,7 @@ class Walk(Estimator):
         begin = dr.full(mi.Bool, True, len(lane))
         u, v, drawn = low_discrepancy(first, begin)
         zero = dr.zeros(mi.UInt32, len(lane))
-        state, sequence = mi.sample_tea_32(lane, dr.opaque(mi.UInt32, seed))
+        state, sequence = mi.sample_tea_32(lane, dr.opaque(mi.UInt32, seed), ROUNDS)
         random = mi.PCG32(len(lane), mi.UInt64(state), mi.UInt64(sequence))
         weight = dr.full(mi.Float, 1, len(lane))
         done = dr.while_loop(
@@ -191,7 +192,7 @@ def _lattice(mi: Any, point: Any, seed: Any) -> Callable[[Any, Any], Any]:
     """Return a function of a walk: its three numbers of the start, or of the first event, under its point's shift."""
     import drjit as dr
 
-    shifts = [s for k in range(3) for s in mi.sample_tea_32(point, seed ^ (0x9E3779B9 * (k + 1) & 0xFFFFFFFF))]
+    shifts = [s for k in range(3) for s in mi.sample_tea_32(point, seed ^ (0x9E3779B9 * (k + 1) & 0xFFFFFFFF), ROUNDS)]
 
     def numbers(walk: Any, starts: Any) -> Any:
         return tuple(

@@ -47,5 +47,7 @@ def test_shifts_are_uniform_and_differ(mi: ModuleType, numbers: np.ndarray) -> N
     assert (np.abs(shifts.mean(-1) - 0.5) < 5 / np.sqrt(12 * LATTICES)).all()
     off = np.abs(np.corrcoef(shifts) - np.eye(4))
     assert off.max() < 5 / np.sqrt(LATTICES)
+    neighbours = [np.corrcoef(row[1:], row[:-1])[0, 1] for row in shifts]
+    assert np.abs(neighbours).max() < 5 / np.sqrt(LATTICES)
     other = Lattice.of(mi, N * LATTICES, N, 8).number(mi.UInt32(0)).numpy()
     assert abs(np.corrcoef(other[::N], numbers[0, :, 0])[0, 1]) < 5 / np.sqrt(LATTICES)
