@@ -46,6 +46,8 @@ _SECOND = 4
 """How many times the samples of the first look a second one takes, where many more are to come."""
 _GROWTH = 100
 """Most that the samples of one step exceed those of the step that it is planned from."""
+_DARK = 1e-9
+"""RMS radiance, relative to the light's mean radiance, below which a scene counts as dark."""
 _MARGIN = 0.87
 """Of the target is planned for: points whose noise was measured too low by chance get too few samples."""
 
@@ -106,6 +108,9 @@ def render(scene: Scene, settings: ReferenceSettings, key: str = "") -> Referenc
         )
         if result.floor <= settings.floor:
             return result
+        if result.rms < _DARK * scene.environment.mean.max():
+            note = f"dark: {result.rms:.1e} RMS under light of mean radiance {scene.environment.mean.max():.2g}"
+            return replace(result, notes=(f"{note}; sampled once, whatever the noise",))
         if before[0] == first:
             measured = math.log(before[1] / result.floor) / math.log(result.samples / before[0])
             order = min(max(measured, estimator.order), 1.0)

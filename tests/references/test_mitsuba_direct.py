@@ -205,6 +205,18 @@ def test_black_light_ends_at_once(make_scene: MakeScene) -> None:
     assert result.floor == 0
 
 
+def test_a_dark_scene_is_sampled_once(mi: ModuleType, make_scene: MakeScene) -> None:
+    """What sees but the tail of a lamp, 1e-12 of the light, has no noise floor worth its budget."""
+    light = (1e-12 * np.random.default_rng(1).uniform(0, 1, (16, 32, 3))).astype(np.float32)
+    light[10:] = 1
+    scene = make_scene(Environment("below", light), Phong(exponent=500), count=10)
+    up = np.tile([0.0, 0, 1], (10, 1))
+    points = replace(scene.points, normal=up, geometric_normal=up, view=up)
+    result = render(replace(scene, points=points), ReferenceSettings(floor=1e-5))
+    assert result.samples == 64
+    assert result.notes[0].startswith("dark: ")
+
+
 @pytest.fixture
 def restored(mi: ModuleType) -> Iterator[None]:
     yield
