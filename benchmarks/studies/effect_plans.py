@@ -25,8 +25,6 @@ RAYS = 1000
 """From each vertex, of the transfer that is timed."""
 PLANNING = EffectSettings()
 """Accuracy .05: the tolerance is .005."""
-ORDER = 0.75
-"""With which the noise of a reference falls by its samples, at most."""
 MOST_SHARE = 0.05
 """Of what is saved, that probes may cost."""
 LEAST_GAIN = 3.0
@@ -140,8 +138,8 @@ def compare(scene: Scene, planning: EffectSettings, settings: ReferenceSettings)
         planned,
         apart(every, some),
         planning.limit + float(noise),
-        at_floor(some, settings) + transfer_seconds(planned),
-        at_floor(every, settings) + transfer_seconds(everything),
+        some.seconds + transfer_seconds(planned),
+        every.seconds + transfer_seconds(everything),
         _probed(planned),
         some.visibility_rays,
     )
@@ -149,13 +147,6 @@ def compare(scene: Scene, planning: EffectSettings, settings: ReferenceSettings)
 
 def _probed(scene: Scene) -> float:
     return sum(d.seconds for d in scene.decisions)
-
-
-def at_floor(made: Reference, settings: ReferenceSettings) -> float:
-    """Return the seconds that a reference took; where its budget came before its floor, those that the floor takes at
-    least: noise falls with the number of samples to the power of `ORDER` or more slowly.
-    """
-    return made.seconds * max(made.floor / settings.floor, 1.0) ** (1 / ORDER)
 
 
 def apart(full: Reference, other: Reference) -> float:

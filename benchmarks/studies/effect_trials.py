@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from benchmarks import CATALOGUE
-from benchmarks.studies.effect_plans import RAYS, at_floor, transfer_seconds
+from benchmarks.studies.effect_plans import RAYS, transfer_seconds
 from benchmarks.studies.effect_scenes import drawn
 from envbench.attribution import RESTS_ON
 from envbench.directions import Array
@@ -81,7 +81,7 @@ class Truth:
         key = scene.effects, bounced, scene.geometry.posed.convex
         if key not in self.timed:
             reference(scene, replace(SETTINGS, floor=1.0))  # compiles its kernels
-            self.timed[key] = at_floor(reference(scene, SETTINGS), SETTINGS) + transfer_seconds(scene)
+            self.timed[key] = reference(scene, SETTINGS).seconds + transfer_seconds(scene)
         return self.timed[key]
 
     def _by_bounce(self, effects: frozenset[Effect]) -> Array:
@@ -156,7 +156,8 @@ def effects_random(scenes: int = SCENES, first: int = 0, told: Callable[[str], N
         f"contributes less than {NEEDLESS:.2f} of that. Every effect was decided on, those too that cost nothing; the "
         "probes' seconds are those of the others, all that both are held against counted as theirs: what a user's "
         "default takes, or a little more. Intervals are 95 %, Clopper and Pearson's. Seconds are those of references "
-        f"of noise floor {SETTINGS.floor:g} and of diffuse transfer of {RAYS:,} rays a vertex.",
+        f"of noise floor {SETTINGS.floor:g}, which end after {SETTINGS.budget:g} s whatever they have reached, and of "
+        f"diffuse transfer of {RAYS:,} rays a vertex.",
         ("tolerance", "left out", "missed", "missed (95 %)", f"at most {MOST_MISSED:.0%}", "largest left out (of it)",
          "simulated", "needless", "needless (95 %)", f"at most {MOST_NEEDLESS:.0%}", "undecided",
          "results within tolerance and noise", "in every scene", "planned (s)", "probes (s)", "everything on (s)",
