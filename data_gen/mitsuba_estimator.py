@@ -25,7 +25,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from data_gen.mitsuba_place import Place, interaction
+from data_gen.mitsuba_place import Place, interaction, laid_out
 from data_gen.mitsuba_surface import Surface, lit
 from envbench import llvm
 from envbench.directions import Array
@@ -178,11 +178,7 @@ class Estimator:
         _ = self.surface.bsdf, self.surface.texture, self._scenes  # before all else, for kernels to be the same again
         draws = [[self._sampler(mi, samples, dr.opaque(mi.UInt32, s), lanes) for s in own] for own in self._seeds(seed)]
         point = dr.arange(mi.UInt32, lanes) // dr.opaque(mi.UInt32, samples)
-
-        def spread(values: Array) -> Any:
-            columns = np.ascontiguousarray(values[chosen].T, np.float32)
-            return dr.gather(mi.Vector3f, mi.Vector3f(columns), point)
-
+        spread = laid_out(mi, chosen, point)
         found = estimates(mi, interaction(mi, self.surface, points, spread), self._place(mi, points, spread), draws)
         exact = [[mi.Float64(channel) for channel in rgb] for rgb in found]
         dr.eval(exact)

@@ -7,11 +7,23 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from data_gen.mitsuba_surface import Surface
 from envbench.directions import Array, normalised
 from envbench.errors import BadInput
 from envbench.geometry import Points, TriangleMesh
+
+
+def laid_out(mi: Any, chosen: NDArray[np.int_], point: Any) -> Callable[[Array], Any]:
+    """Return what lays an array (n, 3) of all points out on lanes: each has one `point` of the `chosen`."""
+    import drjit as dr
+
+    def spread(values: Array) -> Any:
+        columns = np.ascontiguousarray(values[chosen].T, np.float32)
+        return dr.gather(mi.Vector3f, mi.Vector3f(columns), point)
+
+    return spread
 
 
 def interaction(mi: Any, surface: Surface, points: Points, spread: Callable[[Array], Any]) -> Any:

@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 
 from data_gen.lattice import ROUNDS
 from data_gen.mitsuba_estimator import Estimator
+from data_gen.mitsuba_place import laid_out
 from data_gen.mitsuba_volume import MOST_EVENTS
 from envbench import llvm
 from envbench.directions import Array
@@ -85,7 +86,7 @@ class Walk(Estimator):
         walk = dr.arange(mi.UInt32, len(chosen) * samples)
         left = self._left(mi, points, chosen, samples, seed)
         weight = dr.norm(left)
-        place = self._place(mi, points, _spread(mi, chosen, walk // dr.opaque(mi.UInt32, samples)))
+        place = self._place(mi, points, laid_out(mi, chosen, walk // dr.opaque(mi.UInt32, samples)))
         seen = dr.zeros(mi.SurfaceInteraction3f)
         seen.wi = -place.posed(mi, left / dr.maximum(weight, 1e-30))
         light = mi.Color3f(0)
@@ -104,7 +105,7 @@ class Walk(Estimator):
         each = _lanes(len(chosen), samples)
         lane = dr.arange(mi.UInt32, len(chosen) * each)
         point = lane // dr.opaque(mi.UInt32, each)
-        place = self._place(mi, points, _spread(mi, chosen, point))
+        place = self._place(mi, points, laid_out(mi, chosen, point))
         frame = mi.Frame3f(-place.normal)
         many = dr.opaque(mi.UInt32, samples // each)
         first = lane * many
@@ -175,17 +176,6 @@ def _lanes(points: int, samples: int) -> int:
     while each > 1 and points * each > _AT_A_TIME:
         each //= 2
     return each
-
-
-def _spread(mi: Any, chosen: NDArray[np.int_], point: Any) -> Callable[[Array], Any]:
-    """Return what lays an array of the points out on lanes, of which each has one of the `chosen`."""
-    import drjit as dr
-
-    def spread(values: Array) -> Any:
-        columns = np.ascontiguousarray(values[chosen].T, np.float32)
-        return dr.gather(mi.Vector3f, mi.Vector3f(columns), point)
-
-    return spread
 
 
 def _lattice(mi: Any, point: Any, seed: Any) -> Callable[[Any, Any], Any]:

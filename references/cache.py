@@ -39,7 +39,6 @@ import references.effects.facts
 import references.effects.without
 import references.estimators
 import references.mitsuba_direct as direct
-import references.scattering
 from envbench.reference import Reference, ReferenceSettings
 from envbench.scene import Effect, Scene
 
@@ -51,7 +50,6 @@ SOURCES = (
     references.closed_form,
     references.effects.facts,
     references.effects.without,
-    references.scattering,
     data_gen.boundary,
     data_gen.environments.projected,
     data_gen.geometry.mitsuba_shape,
@@ -201,10 +199,14 @@ def _at_rest(scene: Scene) -> list[str | None] | None:
 def _how(scene: Scene, variant: str) -> dict[str, Any]:
     if Effect.SUBSURFACE in scene.effects:
         most = f"at most {data_gen.mitsuba_volume.MOST_EVENTS} events"
-        if references.scattering.walked(scene, variant):
+        if references.estimators.informed(scene, variant):
             return {"integrator": f"walks, {most}", "sampler": "lattice, then independent"}
         return {"integrator": f"volpath, {most}", "sampler": data_gen.mitsuba_volume.Scattering.sampler}
-    return {"integrator": "direct at the points, and bounces", "sampler": data_gen.mitsuba_estimator.SAMPLER}
+    plain, sampler = "direct at the points, and bounces", data_gen.mitsuba_estimator.SAMPLER
+    if references.estimators.informed(scene, variant) and references.closed_form.diffuse(scene.material):
+        known = "closed form, and what the shape changes of it, where that is known to the floor"
+        return {"integrator": f"{known}; else {plain}", "sampler": f"lattice; else {sampler}"}
+    return {"integrator": plain, "sampler": sampler}
 
 
 def _digest_of(values: NDArray[Any]) -> str:

@@ -18,13 +18,15 @@ from data_gen.lobes import Lambertian, Membrane
 from data_gen.mitsuba_diffuse import Diffuse
 from data_gen.mitsuba_estimator import Estimator
 from data_gen.mitsuba_surface import Surface
+from data_gen.mitsuba_volume import Scattering
+from data_gen.mitsuba_walk import Walk
 from envbench.directions import Array
+from envbench.environment import Environment
 from envbench.reference import ReferenceSettings
 from envbench.scene import Effect, Scene
 from references import closed_form
 from references.effects.facts import occasions
 from references.effects.without import left_out, simulated
-from references.scattering import scattering
 
 FIRST = 64
 """Samples a point that a first look takes; a power of four."""
@@ -74,8 +76,7 @@ def estimator_for(scene: Scene, settings: ReferenceSettings) -> Estimator:
     surface = surface_for(scene, variant, settings.bounces)
     if Effect.SUBSURFACE in scene.effects:
         return scattering(scene, surface, scene.environment)
-    scalar, smooth = variant.startswith("scalar"), Effect.LIGHT_DETAIL not in occasions(scene)
-    if scene.heeded and smooth and surface.occluder is not None and not scalar:
+    if surface.occluder is not None and informed(scene, variant):
         unshadowed = _unshadowed(scene, settings.floor)
         if unshadowed is not None:
             return Diffuse(surface, scene.environment, unshadowed=unshadowed)
@@ -84,8 +85,8 @@ def estimator_for(scene: Scene, settings: ReferenceSettings) -> Estimator:
         return both
     light = replace(both, sample_lobes=False)
     if all(isinstance(lobe, Lambertian | Membrane) for lobe in scene.material.lobes):
-        return both if smooth and surface.occluder is not None else light
-    if scalar or any(lobe.cone(0.1) < _NARROW for lobe in scene.material.lobes):
+        return both if _smooth(scene) and surface.occluder is not None else light
+    if variant.startswith("scalar") or any(lobe.cone(0.1) < _NARROW for lobe in scene.material.lobes):
         return both
     points = scene.points.spread(_PILOT)
     seeds = np.random.SeedSequence((settings.seed, _PILOT)).spawn(2 * _PILOT_REPLICATES)
@@ -96,6 +97,24 @@ def estimator_for(scene: Scene, settings: ReferenceSettings) -> Estimator:
     variance = (looks.var(1, ddof=1) / _PILOT_REPLICATES).mean((1, 2))
     missed = ((looks[1].mean(0) - looks[0].mean(0)) ** 2).mean() - variance[0]
     return light if max(variance[1], missed) < _COST ** (2 * 0.7) * variance[0] else both
+
+
+def scattering(scene: Scene, surface: Surface, light: Environment) -> Estimator:
+    """Return what renders a translucent surface under `light`, chosen for the `scene`."""
+    return (Walk if informed(scene, surface.variant) else Scattering)(surface, light)
+
+
+def informed(scene: Scene, variant: str) -> bool:
+    """Whether estimators that rely on smooth light may serve: lamps they would find by chance alone.
+
+    Their loops are not for scalar variants.
+    """
+    return scene.heeded and _smooth(scene) and not variant.startswith("scalar")
+
+
+def _smooth(scene: Scene) -> bool:
+    """Whether the light has no detail, or none that is simulated."""
+    return Effect.LIGHT_DETAIL not in occasions(scene) & scene.effects
 
 
 def _unshadowed(scene: Scene, floor: float) -> Array | None:

@@ -31,7 +31,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from data_gen.mitsuba_estimator import Estimator
 from envbench.directions import Array
+from envbench.geometry import Points
 from envbench.reference import Reference, ReferenceSettings
 from envbench.scene import Scene
 from references import closed_form
@@ -90,20 +92,13 @@ def render(scene: Scene, settings: ReferenceSettings, key: str = "") -> Referenc
     samples = np.full(len(scene.points), first)
     goal, order, before, rays = _MARGIN * settings.floor, estimator.order, (0, 0.0), 0
     while True:
-        seeds = np.random.SeedSequence((settings.seed, int(samples.sum()))).spawn(settings.replicates)
-        estimates: list[Array] = []
-        step = 0.0
-        for seed in seeds:
-            estimates.append(estimator.replicate(scene.points, samples, seed) * modulation)
-            step = step or time.perf_counter()  # a first replicate may have had to compile: what comes has not
-        replicates = np.stack(estimates)
+        replicates, cost = _replicates(estimator, scene.points, samples, settings)
         rays += estimator.rays * int(samples.sum()) * settings.replicates
-        now = time.perf_counter()
         result = replace(
             result,
-            replicates=replicates.astype(np.float32).astype(np.float64),
+            replicates=(replicates * modulation).astype(np.float32).astype(np.float64),
             samples=round(samples.mean()),
-            seconds=now - started,
+            seconds=time.perf_counter() - started,
             visibility_rays=rays,
         )
         if result.floor <= settings.floor:
@@ -116,7 +111,6 @@ def render(scene: Scene, settings: ReferenceSettings, key: str = "") -> Referenc
             order = min(max(measured, estimator.order), 1.0)
         elif before[0]:  # a plan that fell short is not made again, but with a lower goal
             goal *= settings.floor / result.floor
-        cost = (now - step) * settings.replicates / (settings.replicates - 1)
         affordable = 0.9 * (settings.budget - result.seconds) / cost
         planned, floor = _plan(result, samples, order, goal, min(affordable, _GROWTH))
         if not before[0] and planned.mean() > 2 * _SECOND * first and affordable > 2 * _SECOND:
@@ -127,6 +121,18 @@ def render(scene: Scene, settings: ReferenceSettings, key: str = "") -> Referenc
             note = f"noise floor {result.floor:.1e} instead of {settings.floor:.1e}: {end} came first"
             return replace(result, notes=(note,))
         samples = planned
+
+
+def _replicates(
+    estimator: Estimator, points: Points, samples: NDArray[np.int_], settings: ReferenceSettings
+) -> tuple[Array, float]:
+    """Return K replicates, (K, n, 3), and the seconds that they would take without what the first had to compile."""
+    made: list[Array] = []
+    started = 0.0
+    for seed in np.random.SeedSequence((settings.seed, int(samples.sum()))).spawn(settings.replicates):
+        made.append(estimator.replicate(points, samples, seed))
+        started = started or time.perf_counter()
+    return np.stack(made), (time.perf_counter() - started) * len(made) / (len(made) - 1)
 
 
 def _exact(scene: Scene, empty: Reference) -> Reference | None:

@@ -30,8 +30,7 @@ from envbench.reference import ReferenceSettings
 from envbench.scene import Effect, Scene
 from envbench.uncertainty import square, t_quantile
 from references.effects.without import simulated
-from references.estimators import surface_for
-from references.scattering import scattering
+from references.estimators import scattering, surface_for
 
 SHADOWED = frozenset({Effect.SELF_SHADOWING, Effect.INTERREFLECTION, Effect.DEFORMATION})
 """Effects of what the shape has in light's way: without shadows, none of them is left."""
