@@ -345,7 +345,7 @@ class _Planner:
     def _decision(self, effect: Effect, simulated: bool, reason: str, bounces: int | None = None) -> Decision:
         bound = self.bounds[effect][0]
         most = self._cost(self.variants.full)
-        cost = max(most - self._cost(self.variants.less(effect)), 0.0)
+        cost = 0.0 if effect in FREE else max(most - self._cost(self.variants.less(effect)), 0.0)
         if effect is BOUNCES and simulated:
             saved = max(most - self._cost(Variant(self.variants.full.effects, bounces or 0)), 0.0)
         else:

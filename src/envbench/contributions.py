@@ -67,7 +67,7 @@ def _table(scene: Scene, settings: EffectSettings) -> None:
     console().print(f"{scene.name}: tolerance {settings.limit:.3g} of the RMS radiance")
     console().print(grid)
     spent = sum(d.seconds for d in scene.decisions)
-    console().print(f"Probes took {spent:.2g} s. Cost and savings: of the reference, by the probes' time a sample.")
+    console().print(f"Probes took {_seconds(spent)}. Cost and savings: of the reference, by the probes' time a sample.")
 
 
 def _numbers(d: Decision) -> tuple[str, str, str, str]:
@@ -75,5 +75,9 @@ def _numbers(d: Decision) -> tuple[str, str, str, str]:
         return "", "", "", ""
     if not d.high:
         return "none", "", "", ""
-    seconds = (f"{d.cost:.2g} s" if not math.isnan(d.cost) else "", f"{d.saved:.2g} s" if d.saved else "")
+    seconds = (_seconds(d.cost) if not math.isnan(d.cost) else "", _seconds(d.saved) if d.saved else "")
     return f"{d.contribution:.2%}", f"{d.low:.2%} to {d.high:.2%}", *seconds
+
+
+def _seconds(value: float) -> str:
+    return f"{value:.0f} s" if value >= 10 else f"{value:.2g} s"
