@@ -1,7 +1,8 @@
 """Points of a rank-1 lattice, shifted at random, as a sampler for Dr.Jit loops.
 
 Point i of N = 2^m is frac(i z / N + shift) (Sloan and Joe 1994). Unlike stratified pairs that are padded with each
-other, it fills all dimensions together, so that smooth integrands of several bounces converge faster than N^-1/2.
+other, it fills all dimensions together, so that smooth integrands of several bounces converge faster than N^-1/2. How
+many points there are is not known to a kernel, which serves any number.
 """
 
 from __future__ import annotations
@@ -13,14 +14,14 @@ VECTOR = (
     1, 182667, 469891, 498753, 110745, 446247, 250185, 118627, 245333, 283199, 408519, 391023, 246327, 126539, 399185,
     461527, 300343, 69681, 516695, 436179,
 )  # fmt: skip
-"""z of the embedded lattice of Cools, Kuo and Nuyens (2006), order 2, 2^20 points; further dimensions are random."""
+"""z of the embedded lattice of Cools, Kuo and Nuyens (2006), order 2, 2^20 points."""
 ROUNDS = 8
 """Of the hash that shifts come from: with the usual four, neighbouring lattices are correlated by a half."""
 
 
-@dataclass(frozen=True)
+@dataclass
 class Lattice:
-    """Random numbers of each lane of a wavefront.
+    """Random numbers of each lane of a wavefront, one dimension after the other; part of a loop's state.
 
     Attributes
     ----------
@@ -28,29 +29,49 @@ class Lattice:
         i / N, in units of 2^-32: multiples wrap around as fractions do.
     shift : UInt32
         Seed that lanes of one shifted lattice have in common, and others not.
+    dimension, end : UInt32
+        The next dimension, and the first of those that are independent of each other and of the lattice's.
     """
 
-    mi: Any
     vector: Any
     step: Any
     shift: Any
+    dimension: Any
+    end: Any
 
     @classmethod
-    def of(cls, mi: Any, lanes: int, samples: int, seed: Any) -> Lattice:
-        """Return lattices of `samples` points each, a power of two, one after the other."""
+    def of(cls, mi: Any, lanes: int, samples: int, seed: Any, dimensions: range = range(len(VECTOR))) -> Lattice:
+        """Return lattices of `samples` points each, a power of two, one after the other, in some of their dimensions.
+
+        Lattices in other dimensions, of any seed, fill those together with these.
+        """
         import drjit as dr
 
         index, count = dr.arange(mi.UInt32, lanes), dr.opaque(mi.UInt32, samples)
         shift, _ = mi.sample_tea_32(index // count, mi.UInt32(seed), ROUNDS)
-        return cls(mi, mi.UInt32(VECTOR), index * dr.opaque(mi.UInt32, 2**32 // samples), shift)
+        step = index * dr.opaque(mi.UInt32, 2**32 // samples if samples > 1 else 0)
+        return cls(mi.UInt32(VECTOR), step, shift, mi.UInt32(dimensions.start), mi.UInt32(dimensions.stop))
 
-    def number(self, dimension: Any) -> Any:
-        """Return the numbers in [0, 1) of a dimension, a UInt32."""
+    def next_1d(self, active: Any = True) -> Any:
+        """Return the numbers in [0, 1) of the next dimension."""
+        return self._next(1)[0]
+
+    def next_2d(self, active: Any = True) -> Any:
+        """Return the numbers in [0, 1)^2 of the next two dimensions."""
+        import mitsuba as mi
+
+        return mi.Point2f(*self._next(2))
+
+    def _next(self, many: int) -> list[Any]:
         import drjit as dr
+        import mitsuba as mi
 
-        mi = self.mi
-        within = dimension < len(VECTOR)
-        z = dr.gather(mi.UInt32, self.vector, dimension, within)
-        own, _ = mi.sample_tea_32(self.shift, dimension, ROUNDS)
-        apart, _ = mi.sample_tea_32(self.shift ^ self.step, dimension, ROUNDS)
-        return mi.Float(dr.select(within, self.step * z + own, apart) >> 8) * 2.0**-24
+        within = self.dimension + many <= self.end
+        # Beyond the lattice, each point has a shift of its own.
+        shifts = mi.sample_tea_32(dr.select(within, self.shift, self.shift ^ self.step), self.dimension, ROUNDS)
+        numbers: list[Any] = []
+        for k in range(many):
+            z = dr.gather(mi.UInt32, self.vector, self.dimension + k, within)
+            numbers.append(mi.Float((self.step * z + shifts[k]) >> 8) * 2.0**-24)
+        self.dimension = self.dimension + many
+        return numbers

@@ -19,7 +19,6 @@ from typing import Any
 
 import numpy as np
 
-from data_gen.lattice import Lattice
 from data_gen.mitsuba_estimator import Draws, Estimator
 from envbench import llvm
 from envbench.directions import Array
@@ -33,15 +32,12 @@ _LOOK = 64
 class Openness(Estimator):
     """What part of all directions, drawn by the lobes, meets nothing: grey."""
 
-    def _sampler(self, mi: Any, samples: int, seed: Any, lanes: int) -> Any:
-        return Lattice.of(mi, lanes, samples, seed)
-
     def _by_bounce(self, mi: Any, si: Any, place: Any, draws: list[Draws], beside: Any = None) -> list[Any]:
         import drjit as dr
 
-        numbers = draws[0][0]
-        across = mi.Point2f(numbers.number(mi.UInt32(0)), numbers.number(mi.UInt32(1)))
-        sample, _ = self.surface.bsdf.sample(mi.BSDFContext(), si, numbers.number(mi.UInt32(2)), across)
+        sampler = draws[0][0]
+        across, which = sampler.next_2d(), sampler.next_1d()
+        sample, _ = self.surface.bsdf.sample(mi.BSDFContext(), si, which, across)
         hidden = self.scene.ray_test(place.ray(mi, si.to_world(sample.wo)))
         return [mi.Color3f(dr.select(hidden, 0.0, 1.0))]
 
@@ -78,9 +74,6 @@ class Diffuse(Estimator):
     def _seeds(self, seed: int) -> list[tuple[int, ...]]:
         return [(seed,)]
 
-    def _sampler(self, mi: Any, samples: int, seed: Any, lanes: int) -> Any:
-        return Lattice.of(mi, lanes, samples, seed)
-
     def _place(self, mi: Any, points: Points, spread: Any) -> Any:
         found = self._openness(points)
         place = super()._place(mi, points, spread)
@@ -105,14 +98,14 @@ class Diffuse(Estimator):
         context, reflector = mi.BSDFContext(), self.surface.bsdf
         _ = self._free  # made before the loop
         deeper = dr.opaque(mi.Float, float(self._kept["openness"].mean()))
-        bounces, numbers = self.surface.bounces, draws[0][0]
+        bounces = self.surface.bounces
 
-        def step(depth: Any, active: Any, through: Any, si: Any, where: Any, totals: Any) -> Any:
+        def step(depth: Any, active: Any, through: Any, si: Any, where: Any, totals: Any, sampler: Any) -> Any:
             here = replace(place, position=where[0], geometric=where[1], normal=where[2])
             share = dr.select(depth == 0, place.sky, deeper)
             gained = through * self._at(mi, si.sh_frame.n) * share
-            across = mi.Point2f(numbers.number(3 * depth), numbers.number(3 * depth + 1))
-            sample, weight = reflector.sample(context, si, numbers.number(3 * depth + 2), across, active)
+            across, which = sampler.next_2d(), sampler.next_1d()
+            sample, weight = reflector.sample(context, si, which, across, active)
             direction = si.to_world(sample.wo)
             through = through * weight
             found = self._met(mi, here.ray(mi, direction), active)
@@ -121,11 +114,12 @@ class Diffuse(Estimator):
             if self.surface.texture is not None:
                 through = through * mi.Color3f(*self.surface.texture.eval(found.uv))
             totals = [t + dr.select(active & (depth == k), gained, mi.Color3f(0)) for k, t in enumerate(totals)]
-            return depth + 1, active & on, through, si, (here.position, here.geometric, here.normal), totals
+            where = here.position, here.geometric, here.normal
+            return depth + 1, active & on, through, si, where, totals, sampler
 
         where = place.position, place.geometric, place.normal
         totals = [mi.Color3f(0) for _ in range(1 + bounces)]
-        state = mi.UInt32(0), mi.Bool(True), mi.Color3f(1), si, where, totals
+        state = mi.UInt32(0), mi.Bool(True), mi.Color3f(1), si, where, totals, draws[0][0]
         if bounces:
             return dr.while_loop(state, lambda depth, active, *_: active & (depth <= bounces), step)[5]
         return step(*state)[5]

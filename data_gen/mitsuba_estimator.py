@@ -25,6 +25,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from data_gen.lattice import Lattice
 from data_gen.mitsuba_place import Place, interaction, laid_out
 from data_gen.mitsuba_surface import Surface, lit
 from envbench import llvm
@@ -34,7 +35,7 @@ from envbench.geometry import Points
 from envbench.real_harmonics import terms
 
 SAMPLER = "multijitter"
-"""Low-discrepancy sampler of Mitsuba; its `ldsampler` serves too."""
+"""Low-discrepancy sampler of Mitsuba, for scalar variants; the others have lattices."""
 
 Light = Callable[[Any], Any]
 """The radiance from a direction, Mitsuba's."""
@@ -46,6 +47,8 @@ _LANES = 2**22
 """Samples in flight at a time: bounds the memory."""
 _OWN = 0x9E3779B9
 """What sets the seeds of averages apart from those of the estimates: any odd number."""
+_DIMENSIONS = range(16), range(16, 20)
+"""Of lattices: three bounces' light and lobes, and what is averaged over at the first point."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,14 +59,11 @@ class Estimator:
     ----------
     sample_lobes : bool
         Whether each emitter sample is joined by a sample of the lobes. Without, a peak is found by chance alone.
-    sampler : str
-        Name of a Mitsuba sampler.
     """
 
     surface: Surface
     environment: Environment
     sample_lobes: bool = True
-    sampler: str = SAMPLER
 
     @cached_property
     def scene(self) -> Any:
@@ -82,7 +82,7 @@ class Estimator:
     def order(self) -> float:
         """The order that noise has in the samples under captured light, or more."""
         if self.surface.occluder is not None and self.surface.bounces:
-            return 0.5
+            return 0.7
         return 0.8 if self.sample_lobes else 0.6
 
     @property
@@ -94,7 +94,9 @@ class Estimator:
         return drawn * len(self.environment.parts)
 
     def replicate(self, points: Points, samples: NDArray[np.int_] | int, seed: np.random.SeedSequence) -> Array:
-        """Estimate the radiance at every point, (n, 3), from `samples` (powers of four) at each.
+        """Estimate the radiance at every point, (n, 3), from `samples` at each.
+
+        They are powers of two; of scalar variants, squares.
 
         Raises
         ------
@@ -176,7 +178,10 @@ class Estimator:
 
         lanes = len(chosen) * samples
         _ = self.surface.bsdf, self.surface.texture, self._scenes  # before all else, for kernels to be the same again
-        draws = [[self._sampler(mi, samples, dr.opaque(mi.UInt32, s), lanes) for s in own] for own in self._seeds(seed)]
+        draws = [
+            [self._sampler(mi, samples, dr.opaque(mi.UInt32, s), lanes, kind) for kind, s in enumerate(own)]
+            for own in self._seeds(seed)
+        ]
         point = dr.arange(mi.UInt32, lanes) // dr.opaque(mi.UInt32, samples)
         spread = laid_out(mi, chosen, point)
         found = estimates(mi, interaction(mi, self.surface, points, spread), self._place(mi, points, spread), draws)
@@ -190,17 +195,15 @@ class Estimator:
         parts = [seed ^ (2 * part * _OWN & 0xFFFFFFFF) for part in range(len(self._scenes))]
         return [(part, part ^ _OWN) if averaged else (part,) for part in parts]
 
-    def _sampler(self, mi: Any, samples: int, seed: Any, lanes: int) -> Any:
-        sampler = mi.load_dict({"type": self.sampler, "sample_count": samples})
-        if lanes > 1:
-            # Before seeding: without it the samples of a point are independent of each other, and seeds barely differ.
-            sampler.set_samples_per_wavefront(samples)
-        sampler.seed(seed, lanes)
-        return sampler
+    def _sampler(self, mi: Any, samples: int, seed: Any, lanes: int, kind: int) -> Any:
+        """Return a sampler of light and lobes, or of the other kind: of what is averaged over."""
+        if self.surface.variant.startswith("scalar"):
+            return seeded(mi, SAMPLER, samples, seed, lanes)
+        return Lattice.of(mi, lanes, samples, seed, _DIMENSIONS[kind])
 
     def _one_by_one(self, mi: Any, points: Points, chosen: NDArray[np.int_], samples: int, seed: int) -> Array:
         """Return the sum over the samples of the one `chosen` point, (3,)."""
-        draws = [[self._sampler(mi, samples, s, 1) for s in own] for own in self._seeds(seed)]
+        draws = [[self._sampler(mi, samples, s, 1, kind) for kind, s in enumerate(own)] for own in self._seeds(seed)]
 
         def taken(values: Array) -> Any:
             return mi.Vector3f(*(float(v) for v in values[chosen[0]]))
@@ -362,6 +365,13 @@ class Estimator:
         si.wi = si.to_local(-direction)
         si.uv = found.uv
         return si, replace(place, position=found.p, geometric=mi.Vector3f(n), normal=mi.Vector3f(frame.n)), active
+
+
+def seeded(mi: Any, kind: str, samples: int, seed: Any, lanes: int) -> Any:
+    """Return one of Mitsuba's samplers."""
+    sampler = mi.load_dict({"type": kind, "sample_count": samples})
+    sampler.seed(seed, lanes)
+    return sampler
 
 
 def _chunks(indices: NDArray[np.int_], size: int) -> list[NDArray[np.int_]]:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from data_gen.mitsuba_surface import Surface
+from envbench.arrays import components
 from envbench.directions import Array, normalised
 from envbench.errors import BadInput
 from envbench.geometry import Points, TriangleMesh
@@ -20,8 +21,7 @@ def laid_out(mi: Any, chosen: NDArray[np.int_], point: Any) -> Callable[[Array],
     import drjit as dr
 
     def spread(values: Array) -> Any:
-        columns = np.ascontiguousarray(values[chosen].T, np.float32)
-        return dr.gather(mi.Vector3f, mi.Vector3f(columns), point)
+        return dr.gather(mi.Vector3f, components(mi.Vector3f, values[chosen]), point)
 
     return spread
 

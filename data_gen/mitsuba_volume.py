@@ -18,11 +18,13 @@ from typing import Any
 import numpy as np
 
 from data_gen.geometry import mitsuba_mesh
-from data_gen.mitsuba_estimator import Draws, Estimator, Light
+from data_gen.mitsuba_estimator import Draws, Estimator, Light, seeded
 from data_gen.mitsuba_light import emitter
 from envbench import llvm
 from envbench.errors import BadInput
 
+SAMPLER = "independent"
+"""Of Mitsuba's: a path takes as many numbers as it likes."""
 MOST_EVENTS, ALL_FOLLOWED = 20_000, 256
 """Of one path, and how many before Russian roulette begins: earlier, in a white medium, it would only add noise."""
 
@@ -35,11 +37,13 @@ class Scattering(Estimator):
     """
 
     sample_lobes: bool = False
-    sampler: str = "independent"  # a path takes as many numbers as it likes
 
     @property
     def order(self) -> float:
         return 0.5
+
+    def _sampler(self, mi: Any, samples: int, seed: Any, lanes: int, kind: int) -> Any:
+        return seeded(mi, SAMPLER, samples, seed, lanes)
 
     @property
     def rays(self) -> int:

@@ -30,6 +30,7 @@ from data_gen.mitsuba_estimator import Estimator
 from data_gen.mitsuba_place import laid_out
 from data_gen.mitsuba_volume import MOST_EVENTS
 from envbench import llvm
+from envbench.arrays import components
 from envbench.directions import Array
 from envbench.errors import BadInput
 from envbench.geometry import Points, TriangleMesh
@@ -75,7 +76,7 @@ class Walk(Estimator):
         mesh, _ = self._filled
         a, b, c = (mesh.vertices[mesh.triangles[:, k]] for k in range(3))
         mi = llvm.mitsuba(self.surface.variant)
-        return mi.Vector3f(np.ascontiguousarray(np.cross(b - a, c - a).T, np.float32))
+        return components(mi.Vector3f, np.cross(b - a, c - a))
 
     def _summed(
         self, mi: Any, points: Points, chosen: NDArray[np.int_], samples: int, seed: int, estimates: Callable[..., Any]

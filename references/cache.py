@@ -201,11 +201,12 @@ def _how(scene: Scene, variant: str) -> dict[str, Any]:
         most = f"at most {data_gen.mitsuba_volume.MOST_EVENTS} events"
         if references.estimators.informed(scene, variant):
             return {"integrator": f"walks, {most}", "sampler": "lattice, then independent"}
-        return {"integrator": f"volpath, {most}", "sampler": data_gen.mitsuba_volume.Scattering.sampler}
-    plain, sampler = "direct at the points, and bounces", data_gen.mitsuba_estimator.SAMPLER
+        return {"integrator": f"volpath, {most}", "sampler": data_gen.mitsuba_volume.SAMPLER}
+    plain = "direct at the points, and bounces"
+    sampler = data_gen.mitsuba_estimator.SAMPLER if variant.startswith("scalar") else "lattice"
     if references.estimators.informed(scene, variant) and references.closed_form.diffuse(scene.material):
         known = "closed form, and what the shape changes of it, where that is known to the floor"
-        return {"integrator": f"{known}; else {plain}", "sampler": f"lattice; else {sampler}"}
+        return {"integrator": f"{known}; else {plain}", "sampler": sampler}
     return {"integrator": plain, "sampler": sampler}
 
 

@@ -13,6 +13,7 @@ from data_gen.views import parameters as p
 from data_gen.views.parameters import Vector
 from data_gen.views.points import Spots, equal, on_mesh, sphere_uv
 from envbench import llvm
+from envbench.arrays import components
 from envbench.directions import Array, normalised, perpendicular, upright
 from envbench.errors import BadInput
 from envbench.geometry import Geometry, Points, TriangleMesh, Viewer
@@ -120,7 +121,7 @@ def _meet_mesh(mesh: TriangleMesh, origins: Array, rays: Array) -> tuple[NDArray
     """Cast the rays with Mitsuba: which hit; triangle and barycentric coordinates (n, 3) of those that do."""
     mi = llvm.mitsuba("llvm_ad_rgb")
     scene = mi.load_dict({"type": "scene", "shape": mitsuba_mesh(mi, mesh)})
-    ray = mi.Ray3f(mi.Point3f(origins.T.astype(np.float32)), mi.Vector3f(rays.T.astype(np.float32)))
+    ray = mi.Ray3f(components(mi.Point3f, origins), components(mi.Vector3f, rays))
     found = scene.ray_intersect_preliminary(ray, coherent=True)
     hit = np.array(found.is_valid())
     v, w = np.array(found.prim_uv)[:, hit].astype(float)  # of rays that miss it holds anything

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from data_gen.geometry import mitsuba_mesh
 from envbench import llvm
+from envbench.arrays import components
 from envbench.directions import Array, normalised
 from envbench.geometry import TriangleMesh
 
@@ -102,8 +103,8 @@ class Casting:
         lanes = (chosen.stop - chosen.start) * BATCHES
         lane = dr.arange(mi.UInt32, lanes)
         vertex = lane // BATCHES
-        start = dr.gather(mi.Point3f, mi.Point3f(columns(self.starts[chosen])), vertex)
-        frame = mi.Frame3f(dr.gather(mi.Vector3f, mi.Vector3f(columns(self.normals[chosen])), vertex))
+        start = dr.gather(mi.Point3f, components(mi.Point3f, self.starts[chosen]), vertex)
+        frame = mi.Frame3f(dr.gather(mi.Vector3f, components(mi.Vector3f, self.normals[chosen]), vertex))
         a, b = mi.sample_tea_32(lane + dr.opaque(mi.UInt32, chosen.start * BATCHES), dr.opaque(mi.UInt32, seed), 6)
         shift = mi.Point2f(a >> 8, b >> 8) * 2.0**-24
         many = dr.opaque(mi.UInt32, per_batch)
@@ -114,11 +115,6 @@ class Casting:
             return frame.to_world(mi.warp.square_to_cosine_hemisphere(u - dr.floor(u)))
 
         return lanes, start, direction, many
-
-
-def columns(rows: Array) -> NDArray[np.float32]:
-    """Return vectors (n, 3) as Dr.Jit takes them."""
-    return np.ascontiguousarray(rows.T, np.float32)
 
 
 def _upwards(vertices: Array, mesh: TriangleMesh) -> Array:

@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from data_gen.boundary import is_closed
+from envbench.arrays import components
 from envbench.errors import BadInput
 from envbench.geometry import Geometry
 from envbench.material import Medium
@@ -79,7 +80,7 @@ class _Walk:
 
         mi = self.cast.mi
         lanes, start, about_normal, many = self.cast.rays(chosen, per_batch, seed)
-        facing = mi.Vector3f(np.ascontiguousarray(self.cast.facing.T, np.float32))
+        facing = components(mi.Vector3f, self.cast.facing)
         path = dr.opaque(mi.Float, self.medium.mean_free_path / self.cast.radius)
         albedo = dr.opaque(mi.Float, self.medium.albedo)
         streams = np.uint64(chosen.start) * np.uint64(BATCHES)

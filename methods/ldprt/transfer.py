@@ -21,11 +21,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from data_gen.boundary import is_closed
+from envbench.arrays import components
 from envbench.directions import Array
 from envbench.errors import BadInput
 from envbench.geometry import Geometry
 from methods.ldprt import basis, membrane
-from methods.ldprt.casting import BATCHES, Casting, columns
+from methods.ldprt.casting import BATCHES, Casting
 
 MOST_RAYS = 10**6
 MOST_BANDS = 16
@@ -214,7 +215,7 @@ class _Gather:
         mi = self.cast.mi
         return (
             mi.UInt32(self.cast.triangles.astype(np.uint32).ravel()),
-            mi.Vector3f(columns(self.cast.facing)),
+            components(mi.Vector3f, self.cast.facing),
             mi.Float(sent.astype(np.float32).ravel()),
         )
 

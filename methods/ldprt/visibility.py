@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from envbench.arrays import components
 from envbench.directions import Array, from_angles
 from envbench.geometry import Geometry
-from methods.ldprt.casting import Casting, columns
+from methods.ldprt.casting import Casting
 
 _LANES = 2**22
 _GOLDEN = np.pi * (3 - np.sqrt(5))
@@ -30,10 +31,10 @@ def visible(geometry: Geometry, directions: Array) -> NDArray[np.bool_]:
     import drjit as dr
 
     mi, count = casting.mi, len(directions)
-    towards = mi.Vector3f(columns(directions))
+    towards = components(mi.Vector3f, directions)
     step = max(1, _LANES // count)
     for first in range(0, len(above), step):
-        starts = mi.Point3f(columns(casting.starts[first : first + step]))
+        starts = components(mi.Point3f, casting.starts[first : first + step])
         lane = dr.arange(mi.UInt32, dr.width(starts) * count)
         ray = mi.Ray3f(dr.gather(mi.Point3f, starts, lane // count), dr.gather(mi.Vector3f, towards, lane % count))
         hidden = np.array(casting.scene.ray_test(ray)).reshape(-1, count)

@@ -14,6 +14,8 @@ from typing import Any, Protocol, cast
 
 import numpy as np
 
+from envbench.directions import Array
+
 
 class Namespace(Protocol):
     """What a formula may call: elementwise functions with NumPy's meaning."""
@@ -55,3 +57,13 @@ def namespace(*values: Any) -> Namespace:
 def dot(a: Sequence[Any] | Any, b: Sequence[Any] | Any) -> Any:
     """Inner product of two component-first vectors."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+def components(kind: Any, rows: Array) -> Any:
+    """Return vectors (n, 3) as a Dr.Jit type.
+
+    Component by component: taken apart by Dr.Jit itself, their number would be a constant of each kernel.
+    """
+    import drjit as dr
+
+    return kind(*(dr.value_t(kind)(column) for column in np.ascontiguousarray(rows.T, np.float32)))

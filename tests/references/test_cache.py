@@ -119,9 +119,6 @@ def test_every_ingredient_changes_the_address(
         address(scene, ReferenceSettings(floor=0.2, seed=1)),
         address(scene, ReferenceSettings(floor=0.2, variant="scalar_rgb")),
     ]
-    with monkeypatch.context() as patch:
-        patch.setattr("data_gen.mitsuba_estimator.SAMPLER", "ldsampler")
-        addresses.append(address(scene))
     for module in cache.SOURCES:
         with monkeypatch.context() as patch:
             patch.setattr(cache.inspect, "getsource", lambda m, changed=module: "new" if m is changed else "old")
