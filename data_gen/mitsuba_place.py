@@ -20,8 +20,10 @@ def laid_out(mi: Any, chosen: NDArray[np.int_], point: Any) -> Callable[[Array],
     """Return what lays an array (n, 3) of all points out on lanes: each has one `point` of the `chosen`."""
     import drjit as dr
 
+    rows = np.resize(chosen, max(2, len(chosen)))  # a single one would be a constant of the kernel
+
     def spread(values: Array) -> Any:
-        return dr.gather(mi.Vector3f, components(mi.Vector3f, values[chosen]), point)
+        return dr.gather(mi.Vector3f, components(mi.Vector3f, values[rows]), point)
 
     return spread
 

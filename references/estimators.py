@@ -67,9 +67,10 @@ def surface_for(scene: Scene, variant: str, bounces: int) -> Surface:
 def estimator_for(scene: Scene, settings: ReferenceSettings) -> Estimator:
     """Return the one estimator that serves a scene best.
 
-    Where light is smooth, or bounces, the lobes are sampled too; so they are where a pilot does not do as well without.
-    Where the light's samples miss a peak they seem less noisy than they are; so their error is taken from the mean of
-    the other estimate too, which finds all peaks. The choice rests on noise alone and is the same on every machine.
+    Where light bounces, and on diffuse surfaces, the lobes are sampled too; so they are where a pilot does not do as
+    well without. Where the light's samples miss a peak they seem less noisy than they are; so their error is taken from
+    the mean of the other estimate too, which finds all peaks. The choice rests on noise alone and is the same on every
+    machine.
     """
     scene = simulated(scene)
     variant = settings.variant
@@ -81,11 +82,9 @@ def estimator_for(scene: Scene, settings: ReferenceSettings) -> Estimator:
         if unshadowed is not None:
             return Diffuse(surface, scene.environment, unshadowed=unshadowed)
     both = Estimator(surface, scene.environment)
-    if surface.bounces:
+    if surface.bounces or all(isinstance(lobe, Lambertian | Membrane) for lobe in scene.material.lobes):
         return both
     light = replace(both, sample_lobes=False)
-    if all(isinstance(lobe, Lambertian | Membrane) for lobe in scene.material.lobes):
-        return both if _smooth(scene) and surface.occluder is not None else light
     if variant.startswith("scalar") or any(lobe.cone(0.1) < _NARROW for lobe in scene.material.lobes):
         return both
     points = scene.points.spread(_PILOT)

@@ -78,7 +78,7 @@ class Truth:
     def seconds(self, scene: Scene) -> float:
         """Return what reference and transfer of a scene take; the same computation is timed once."""
         bounced = scene.bounces if _BOUNCES in scene.effects else None
-        key = scene.effects, bounced, scene.geometry.posed.convex
+        key = scene.effects, bounced, scene.heeded
         if key not in self.timed:
             reference(scene, replace(SETTINGS, floor=1.0))  # compiles its kernels
             self.timed[key] = reference(scene, SETTINGS).seconds + transfer_seconds(scene)
@@ -135,9 +135,9 @@ def effects_random(scenes: int = SCENES, first: int = 0, told: Callable[[str], N
         every = CATALOGUE.effects(scene, EffectSettings(plan=Plan.ALL), SETTINGS, None)
         truth = Truth.of(full, SETTINGS.bounces)
         whole = truth.seconds(replace(every, bounces=SETTINGS.bounces))
+        _planned(scene, TOLERANCES[-1])  # compiles its kernels
         for tolerance, tally in tallies.items():
-            planning = EffectSettings(tolerance=tolerance, probe=Probe.ALL)
-            plan = CATALOGUE.effects(scene, planning, SETTINGS, None)
+            plan = _planned(scene, tolerance)
             for decision in plan.decisions:
                 tally.count(decision, plan.effects, truth, tolerance)
             off = truth.off(plan)
@@ -157,13 +157,17 @@ def effects_random(scenes: int = SCENES, first: int = 0, told: Callable[[str], N
         "probes' seconds are those of the others, all that both are held against counted as theirs: what a user's "
         "default takes, or a little more. Intervals are 95 %, Clopper and Pearson's. Seconds are those of references "
         f"of noise floor {SETTINGS.floor:g}, which end after {SETTINGS.budget:g} s whatever they have reached, and of "
-        f"diffuse transfer of {RAYS:,} rays a vertex.",
+        f"diffuse transfer of {RAYS:,} rays a vertex; all of a second time, after kernels were compiled.",
         ("tolerance", "left out", "missed", "missed (95 %)", f"at most {MOST_MISSED:.0%}", "largest left out (of it)",
          "simulated", "needless", "needless (95 %)", f"at most {MOST_NEEDLESS:.0%}", "undecided",
          "results within tolerance and noise", "in every scene", "planned (s)", "probes (s)", "everything on (s)",
          f"at least {LEAST_GAIN:g} times faster"),
         tuple(_row(tolerance, tally, scenes) for tolerance, tally in tallies.items()),
     )  # fmt: skip
+
+
+def _planned(scene: Scene, tolerance: float) -> Scene:
+    return CATALOGUE.effects(scene, EffectSettings(tolerance=tolerance, probe=Probe.ALL), SETTINGS, None)
 
 
 def _row(tolerance: float, t: Tally, scenes: int) -> tuple[str | float | int | bool | None, ...]:
