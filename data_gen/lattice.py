@@ -25,32 +25,49 @@ class Lattice:
 
     Attributes
     ----------
-    step : UInt32
-        i / N, in units of 2^-32: multiples wrap around as fractions do.
+    step, unit : UInt32
+        i / N and 1 / N, in units of 2^-32: multiples wrap around as fractions do.
     shift : UInt32
         Seed that lanes of one shifted lattice have in common, and others not.
-    dimension, end : UInt32
-        The next dimension, and the first of those that are independent of each other and of the lattice's.
+    dimension, start, end : UInt32
+        The next dimension, that of a point's first number, and the first of those that are independent of each other
+        and of the lattice's.
+    many : UInt32
+        Points that each lane draws, one after the other.
     """
 
     vector: Any
     step: Any
+    unit: Any
     shift: Any
     dimension: Any
+    start: Any
     end: Any
+    many: Any
 
     @classmethod
-    def of(cls, mi: Any, lanes: int, samples: int, seed: Any, dimensions: range = range(len(VECTOR))) -> Lattice:
-        """Return lattices of `samples` points each, a power of two, one after the other, in some of their dimensions.
+    def of(
+        cls, mi: Any, lanes: int, samples: int, seed: Any, dimensions: range = range(len(VECTOR)), many: int = 1
+    ) -> Lattice:
+        """Return lattices of `samples` points each, one after the other, in some of their dimensions.
 
-        Lattices in other dimensions, of any seed, fill those together with these.
+        Each lane draws `many` of the points: both are powers of two. Lattices in other dimensions, of any seed, fill
+        those together with these.
         """
         import drjit as dr
 
-        index, count = dr.arange(mi.UInt32, lanes), dr.opaque(mi.UInt32, samples)
-        shift, _ = mi.sample_tea_32(index // count, mi.UInt32(seed), ROUNDS)
-        step = index * dr.opaque(mi.UInt32, 2**32 // samples if samples > 1 else 0)
-        return cls(mi.UInt32(VECTOR), step, shift, mi.UInt32(dimensions.start), mi.UInt32(dimensions.stop))
+        lane, each = dr.arange(mi.UInt32, lanes), dr.opaque(mi.UInt32, samples // many)
+        shift, _ = mi.sample_tea_32(lane // each, mi.UInt32(seed), ROUNDS)
+        unit, taken = dr.opaque(mi.UInt32, 2**32 // samples if samples > 1 else 0), dr.opaque(mi.UInt32, many)
+        start, end = mi.UInt32(dimensions.start), mi.UInt32(dimensions.stop)
+        return cls(mi.UInt32(VECTOR), lane * taken * unit, unit, shift, mi.UInt32(start), start, end, taken)
+
+    def begin(self, where: Any) -> None:
+        """Begin the lane's next point `where` it is to."""
+        import drjit as dr
+
+        self.step = self.step + dr.select(where, self.unit, 0)
+        self.dimension = dr.select(where, self.start, self.dimension)
 
     def next_1d(self, active: Any = True) -> Any:
         """Return the numbers in [0, 1) of the next dimension."""

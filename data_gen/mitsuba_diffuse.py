@@ -19,7 +19,8 @@ from typing import Any
 
 import numpy as np
 
-from data_gen.mitsuba_estimator import Draws, Estimator
+from data_gen.mitsuba_estimator import Estimator
+from data_gen.mitsuba_paths import Draws, paths
 from envbench import llvm
 from envbench.directions import Array
 from envbench.geometry import Points
@@ -31,6 +32,9 @@ _LOOK = 64
 @dataclass(frozen=True, eq=False)
 class Openness(Estimator):
     """What part of all directions, drawn by the lobes, meets nothing: grey."""
+
+    def _each(self, mi: Any, points: int, samples: int) -> int:
+        return samples
 
     def _by_bounce(self, mi: Any, si: Any, place: Any, draws: list[Draws], beside: Any = None) -> list[Any]:
         import drjit as dr
@@ -100,7 +104,8 @@ class Diffuse(Estimator):
         deeper = dr.opaque(mi.Float, float(self._kept["openness"].mean()))
         bounces = self.surface.bounces
 
-        def step(depth: Any, active: Any, through: Any, si: Any, where: Any, totals: Any, sampler: Any) -> Any:
+        def step(depth: Any, active: Any, through: Any, si: Any, where: Any, totals: Any, draws: Any) -> Any:
+            sampler = draws[0]
             here = replace(place, position=where[0], geometric=where[1], normal=where[2])
             share = dr.select(depth == 0, place.sky, deeper)
             gained = through * self._at(mi, si.sh_frame.n) * share
@@ -115,14 +120,13 @@ class Diffuse(Estimator):
                 through = through * mi.Color3f(*self.surface.texture.eval(found.uv))
             totals = [t + dr.select(active & (depth == k), gained, mi.Color3f(0)) for k, t in enumerate(totals)]
             where = here.position, here.geometric, here.normal
-            return depth + 1, active & on, through, si, where, totals, sampler
+            return depth + 1, active & on, through, si, where, totals, draws
 
         where = place.position, place.geometric, place.normal
         totals = [mi.Color3f(0) for _ in range(1 + bounces)]
-        state = mi.UInt32(0), mi.Bool(True), mi.Color3f(1), si, where, totals, draws[0][0]
         if bounces:
-            return dr.while_loop(state, lambda depth, active, *_: active & (depth <= bounces), step)[5]
-        return step(*state)[5]
+            return paths(mi, bounces, step, si, where, totals, draws[0])
+        return step(mi.UInt32(0), mi.Bool(True), mi.Color3f(1), si, where, totals, draws[0])[5]
 
     def _at(self, mi: Any, n: Any) -> Any:
         import drjit as dr

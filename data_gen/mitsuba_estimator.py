@@ -26,6 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from data_gen.lattice import Lattice
+from data_gen.mitsuba_paths import Draws, in_flight, paths, shared
 from data_gen.mitsuba_place import Place, interaction, laid_out
 from data_gen.mitsuba_surface import Surface, lit
 from envbench import llvm
@@ -39,9 +40,6 @@ SAMPLER = "multijitter"
 
 Light = Callable[[Any], Any]
 """The radiance from a direction, Mitsuba's."""
-
-Draws = list[Any]
-"""Samplers: of light and lobes, and beside it that of views and tangents averaged over, if any are."""
 
 _LANES = 2**22
 """Samples in flight at a time: bounds the memory."""
@@ -176,18 +174,27 @@ class Estimator:
         """Return the sums over the samples of the `chosen` points of each of the `estimates`, (m, n, 3)."""
         import drjit as dr
 
-        lanes = len(chosen) * samples
+        each = self._each(mi, len(chosen), samples)
+        lanes = len(chosen) * each
         _ = self.surface.bsdf, self.surface.texture, self._scenes  # before all else, for kernels to be the same again
         draws = [
-            [self._sampler(mi, samples, dr.opaque(mi.UInt32, s), lanes, kind) for kind, s in enumerate(own)]
+            [
+                self._sampler(mi, samples, dr.opaque(mi.UInt32, s), lanes, kind, samples // each)
+                for kind, s in enumerate(own)
+            ]
             for own in self._seeds(seed)
         ]
-        point = dr.arange(mi.UInt32, lanes) // dr.opaque(mi.UInt32, samples)
+        point = dr.arange(mi.UInt32, lanes) // dr.opaque(mi.UInt32, each)
         spread = laid_out(mi, chosen, point)
         found = estimates(mi, interaction(mi, self.surface, points, spread), self._place(mi, points, spread), draws)
         exact = [[mi.Float64(channel) for channel in rgb] for rgb in found]
         dr.eval(exact)
-        return np.array([[dr.block_sum(c, samples).numpy() for c in rgb] for rgb in exact]).swapaxes(1, 2)
+        return np.array([[dr.block_sum(c, each).numpy() for c in rgb] for rgb in exact]).swapaxes(1, 2)
+
+    def _each(self, mi: Any, points: int, samples: int) -> int:
+        """Return how many lanes share the samples of a point, each of which takes one after the other."""
+        together = self.surface.occluder is None or not self.surface.bounces
+        return samples if together else shared(points, samples, in_flight(mi))
 
     def _seeds(self, seed: int) -> list[tuple[int, ...]]:
         """Return the seeds of each part of the light: no part's numbers depend on how often another's light bounces."""
@@ -195,11 +202,11 @@ class Estimator:
         parts = [seed ^ (2 * part * _OWN & 0xFFFFFFFF) for part in range(len(self._scenes))]
         return [(part, part ^ _OWN) if averaged else (part,) for part in parts]
 
-    def _sampler(self, mi: Any, samples: int, seed: Any, lanes: int, kind: int) -> Any:
+    def _sampler(self, mi: Any, samples: int, seed: Any, lanes: int, kind: int, many: int = 1) -> Any:
         """Return a sampler of light and lobes, or of the other kind: of what is averaged over."""
         if self.surface.variant.startswith("scalar"):
             return seeded(mi, SAMPLER, samples, seed, lanes)
-        return Lattice.of(mi, lanes, samples, seed, _DIMENSIONS[kind])
+        return Lattice.of(mi, lanes, samples, seed, _DIMENSIONS[kind], many)
 
     def _one_by_one(self, mi: Any, points: Points, chosen: NDArray[np.int_], samples: int, seed: int) -> Array:
         """Return the sum over the samples of the one `chosen` point, (3,)."""
@@ -303,9 +310,8 @@ class Estimator:
         if not bounces or self.surface.variant.startswith("scalar"):
             for _ in range(1 + bounces):
                 state = step(*state)
-        else:
-            state = dr.while_loop(state, lambda depth, active, *_: active & (depth <= bounces), step)
-        return state[5]
+            return state[5]
+        return paths(mi, bounces, step, si, where, totals, draws)
 
     def _averaged(self, mi: Any, si: Any, draws: Draws) -> Any:
         """Return the interaction as seen from a view drawn anew, its tangent turned, where these are averaged over."""

@@ -18,8 +18,9 @@ from typing import Any
 import numpy as np
 
 from data_gen.geometry import mitsuba_mesh
-from data_gen.mitsuba_estimator import Draws, Estimator, Light, seeded
+from data_gen.mitsuba_estimator import Estimator, Light, seeded
 from data_gen.mitsuba_light import emitter
+from data_gen.mitsuba_paths import Draws
 from envbench import llvm
 from envbench.errors import BadInput
 
@@ -42,8 +43,11 @@ class Scattering(Estimator):
     def order(self) -> float:
         return 0.5
 
-    def _sampler(self, mi: Any, samples: int, seed: Any, lanes: int, kind: int) -> Any:
+    def _sampler(self, mi: Any, samples: int, seed: Any, lanes: int, kind: int, many: int = 1) -> Any:
         return seeded(mi, SAMPLER, samples, seed, lanes)
+
+    def _each(self, mi: Any, points: int, samples: int) -> int:
+        return samples
 
     @property
     def rays(self) -> int:

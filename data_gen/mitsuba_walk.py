@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 
 from data_gen.lattice import ROUNDS
 from data_gen.mitsuba_estimator import Estimator
+from data_gen.mitsuba_paths import shared
 from data_gen.mitsuba_place import laid_out
 from data_gen.mitsuba_volume import MOST_EVENTS
 from envbench import llvm
@@ -103,7 +104,7 @@ class Walk(Estimator):
         import drjit as dr
 
         mesh, medium = self._filled
-        each = _lanes(len(chosen), samples)
+        each = shared(len(chosen), samples, _AT_A_TIME)
         lane = dr.arange(mi.UInt32, len(chosen) * each)
         point = lane // dr.opaque(mi.UInt32, each)
         place = self._place(mi, points, laid_out(mi, chosen, point))
@@ -169,14 +170,6 @@ class Walk(Estimator):
         )
         dr.eval(done[0], out)
         return out
-
-
-def _lanes(points: int, samples: int) -> int:
-    """Return how many lanes share the samples of a point, each taking as many."""
-    each = samples & -samples
-    while each > 1 and points * each > _AT_A_TIME:
-        each //= 2
-    return each
 
 
 def _lattice(mi: Any, point: Any, seed: Any) -> Callable[[Any, Any], Any]:

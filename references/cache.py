@@ -28,6 +28,7 @@ import data_gen.mitsuba_bsdf
 import data_gen.mitsuba_diffuse
 import data_gen.mitsuba_estimator
 import data_gen.mitsuba_light
+import data_gen.mitsuba_paths
 import data_gen.mitsuba_place
 import data_gen.mitsuba_surface
 import data_gen.mitsuba_volume
@@ -55,6 +56,7 @@ SOURCES = (
     data_gen.geometry.mitsuba_shape,
     data_gen.mitsuba_bsdf,
     data_gen.mitsuba_estimator,
+    data_gen.mitsuba_paths,
     data_gen.mitsuba_place,
     data_gen.mitsuba_surface,
     data_gen.mitsuba_light,

@@ -58,6 +58,16 @@ def test_other_dimensions_are_those_of_the_same_lattice(mi: ModuleType, numbers:
     assert abs(means.mean() - 0.25) < 5 * means.std() / np.sqrt(LATTICES)
 
 
+def test_lanes_that_draw_several_points_draw_the_same(mi: ModuleType, numbers: np.ndarray) -> None:
+    many = 8
+    lattice = Lattice.of(mi, N * LATTICES // many, N, 7, many=many)
+    found = np.empty((2, N * LATTICES // many, many))
+    for k in range(many):
+        found[:, :, k] = lattice.next_1d().numpy(), lattice.next_1d().numpy()
+        lattice.begin(mi.Bool(True))
+    np.testing.assert_array_equal(found.reshape(2, LATTICES, N), numbers[:2])
+
+
 def test_dimensions_beyond_the_vector_are_random(mi: ModuleType, numbers: np.ndarray) -> None:
     for beyond, before in (numbers[-1:-3:-1], drawn(mi, Lattice.of(mi, N * LATTICES, N, 7, range(16, 17)), 4)[1:3]):
         assert abs(beyond.mean() - 0.5) < 5 / np.sqrt(12 * beyond.size)
