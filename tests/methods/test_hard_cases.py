@@ -131,10 +131,10 @@ def test_ground_truth_holds_at_grazing(degrees: float, mi: object) -> None:
     light = environments.build({"kind": "captured", "name": "studio", "size": 64})
     material = materials.build({"kind": "microfacet", "sigma": 0.01})
     scene = Scene("ridge", light, material, SPHERE, points, viewer)
-    made, exact = reference(scene, ReferenceSettings(floor=3e-3, budget=4.0)), half_vector_integral(scene, 0.01)
-    # the RMS of 24 errors of standard deviation `floor` exceeds 1.6 of it once in 10^4; trapezoids in phi jump at
-    # the horizon: 1e-3
-    assert np.sqrt(np.mean((made.mean - exact) ** 2) / np.mean(exact**2)) <= 1.6 * max(made.floor, 1e-3)
+    made, exact = reference(scene, ReferenceSettings(floor=3e-4, budget=4.0)), half_vector_integral(scene, 0.01)
+    # One point in eight holds nearly all the light: Student's t of 7 degrees of freedom exceeds 5.4 once in 10^3.
+    # Trapezoids in phi jump at the horizon: 1e-3.
+    assert np.sqrt(np.mean((made.mean - exact) ** 2) / np.mean(exact**2)) <= max(5.4 * made.floor, 1.6e-3)
 
 
 def test_the_suite_names_what_there_is() -> None:
