@@ -21,6 +21,7 @@ import numpy as np
 
 from data_gen.mitsuba_estimator import Estimator
 from data_gen.mitsuba_paths import Draws, paths
+from data_gen.mitsuba_place import met, reached
 from envbench import llvm
 from envbench.directions import Array
 from envbench.geometry import Points
@@ -32,9 +33,6 @@ _LOOK = 64
 @dataclass(frozen=True, eq=False)
 class Openness(Estimator):
     """What part of all directions, drawn by the lobes, meets nothing: grey."""
-
-    def _each(self, mi: Any, points: int, samples: int) -> int:
-        return samples
 
     def _by_bounce(self, mi: Any, si: Any, place: Any, draws: list[Draws], beside: Any = None) -> list[Any]:
         import drjit as dr
@@ -86,7 +84,7 @@ class Diffuse(Estimator):
     def _openness(self, points: Points) -> Array:
         """Return what part of all directions from each point meets nothing, (n,), about; kept for later replicates."""
         if self._kept.get("points") is not points:
-            look = Openness(self.surface, self.environment)
+            look = Openness(replace(self.surface, bounces=0), self.environment)
             found = look.replicate(points, _LOOK, np.random.SeedSequence(_LOOK))[:, 0]
             self._kept.update(points=points, openness=found)
         return self._kept["openness"]
@@ -113,9 +111,9 @@ class Diffuse(Estimator):
             sample, weight = reflector.sample(context, si, which, across, active)
             direction = si.to_world(sample.wo)
             through = through * weight
-            found = self._met(mi, here.ray(mi, direction), active)
+            found = met(mi, self.scene, self.surface, here.ray(mi, direction), active)
             gained += through * self._light(mi, direction) * (dr.select(found.is_valid(), 0, 1) - share)
-            si, here, on = self._reached(mi, found, here, direction)
+            si, here, on = reached(mi, self.surface, found, here, direction)
             if self.surface.texture is not None:
                 through = through * mi.Color3f(*self.surface.texture.eval(found.uv))
             totals = [t + dr.select(active & (depth == k), gained, mi.Color3f(0)) for k, t in enumerate(totals)]

@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 
 from data_gen.lattice import Lattice
 from data_gen.mitsuba_paths import Draws, in_flight, paths, shared
-from data_gen.mitsuba_place import Place, interaction, laid_out
+from data_gen.mitsuba_place import Place, averaged, interaction, laid_out, met, reached
 from data_gen.mitsuba_surface import Surface, lit
 from envbench import llvm
 from envbench.directions import Array
@@ -94,7 +94,7 @@ class Estimator:
     def replicate(self, points: Points, samples: NDArray[np.int_] | int, seed: np.random.SeedSequence) -> Array:
         """Estimate the radiance at every point, (n, 3), from `samples` at each.
 
-        They are powers of two; of scalar variants, squares.
+        They are powers of two.
 
         Raises
         ------
@@ -205,7 +205,7 @@ class Estimator:
     def _sampler(self, mi: Any, samples: int, seed: Any, lanes: int, kind: int, many: int = 1) -> Any:
         """Return a sampler of light and lobes, or of the other kind: of what is averaged over."""
         if self.surface.variant.startswith("scalar"):
-            return seeded(mi, SAMPLER, samples, seed, lanes)
+            return seeded(mi, SAMPLER, (math.isqrt(samples - 1) + 1) ** 2, seed, lanes)  # else it warns of rounding
         return Lattice.of(mi, lanes, samples, seed, _DIMENSIONS[kind], many)
 
     def _one_by_one(self, mi: Any, points: Points, chosen: NDArray[np.int_], samples: int, seed: int) -> Array:
@@ -260,7 +260,7 @@ class Estimator:
         def step(depth: Any, active: Any, through: Any, si: Any, where: Any, totals: Any, draws: Any) -> Any:
             sampler = draws[0]
             here = replace(place, position=where[0], geometric=where[1], normal=where[2])
-            si = self._averaged(mi, si, draws)
+            si = averaged(mi, self.surface, si, draws[-1])
             ds, light = emission.sample_direction(si, sampler.next_2d(), active)
             value, pdf = reflector.eval_pdf(context, si, si.to_local(ds.d), active & (ds.pdf > 0))
             share = _balance(ds.pdf, pdf) if self.sample_lobes else 1.0
@@ -287,12 +287,12 @@ class Estimator:
                 else:
                     last = mi.Bool(self.sample_lobes or bool(beside))
                     cast = active & dr.any(through > 0) & (last | (depth < bounces))
-                    found = self._met(mi, here.ray(mi, direction), cast)
+                    found = met(mi, self.scene, self.surface, here.ray(mi, direction), cast)
                     clear = dr.select(found.is_valid(), mi.Color3f(0), through)
                     gained += dr.select(found.is_valid(), mi.Color3f(0), sent)
                 others = [(clear * light, through * light) for light in lights]
                 if bounces:
-                    si, here, active = self._reached(mi, found, here, direction)
+                    si, here, active = reached(mi, self.surface, found, here, direction)
                     if self.surface.texture is not None:
                         through = through * mi.Color3f(*self.surface.texture.eval(found.uv))
             at = [depth == k for k in range(1 + bounces)]
@@ -313,23 +313,6 @@ class Estimator:
             return state[5]
         return paths(mi, bounces, step, si, where, totals, draws)
 
-    def _averaged(self, mi: Any, si: Any, draws: Draws) -> Any:
-        """Return the interaction as seen from a view drawn anew, its tangent turned, where these are averaged over."""
-        import drjit as dr
-
-        if not (self.surface.any_view or self.surface.any_tangent):
-            return si
-        turned = mi.SurfaceInteraction3f(si)
-        if self.surface.any_tangent:
-            sine, cosine = dr.sincos(2 * dr.pi * draws[1].next_1d())
-            frame = si.sh_frame
-            along = mi.Vector3f(cosine * frame.s + sine * frame.t)
-            turned.sh_frame = mi.Frame3f(along, dr.cross(frame.n, along), frame.n)
-            turned.wi = turned.to_local(si.to_world(si.wi))
-        if self.surface.any_view:
-            turned.wi = mi.warp.square_to_cosine_hemisphere(draws[1].next_2d())
-        return turned
-
     def _unshadowed(self, mi: Any, place: Place, direction: Any, radiance: Any) -> Any:
         """Return `radiance`, or zero where the shape itself hides the light in `direction`."""
         import drjit as dr
@@ -338,39 +321,6 @@ class Estimator:
             return radiance
         hidden = self.scene.ray_test(place.ray(mi, direction), dr.any(radiance > 0))
         return dr.select(hidden, mi.Color3f(0), radiance)
-
-    def _met(self, mi: Any, ray: Any, active: Any) -> Any:
-        """Return the surface that a ray meets first, as `scene.ray_intersect` does.
-
-        That asks whichever shape was met, among all of the process; here it is the occluder. So kernels do not depend
-        on what other shapes there are, and are found again when Dr.Jit has compiled them before.
-        """
-        met = self.scene.ray_intersect_preliminary(ray, active=active)
-        found = self.surface.shape.compute_surface_interaction(ray, met, mi.RayFlags.All, active & met.is_valid())
-        found.t = met.t
-        found.initialize_sh_frame()
-        return found
-
-    def _reached(self, mi: Any, found: Any, place: Place, direction: Any) -> tuple[Any, Place, Any]:
-        """Return the surface that a ray in `direction` has found, as the light sees it and as rays leave it.
-
-        An open shape is turned to the side that was met; the inside of a closed one is met by no path that counts.
-        """
-        import drjit as dr
-
-        front = dr.dot(found.n, place.at_rest(mi, direction)) < 0
-        active, n, frame = found.is_valid(), found.n, found.sh_frame
-        if self.surface.closed:
-            active = active & front
-        else:
-            n = dr.select(front, n, -n)
-            frame = mi.Frame3f(frame.s, dr.select(front, frame.t, -frame.t), dr.select(front, frame.n, -frame.n))
-        si = dr.zeros(mi.SurfaceInteraction3f)
-        si.sh_frame = mi.Frame3f(*(place.posed(mi, axis) for axis in (frame.s, frame.t, frame.n)))
-        si.n = mi.Normal3f(place.posed(mi, n))
-        si.wi = si.to_local(-direction)
-        si.uv = found.uv
-        return si, replace(place, position=found.p, geometric=mi.Vector3f(n), normal=mi.Vector3f(frame.n)), active
 
 
 def seeded(mi: Any, kind: str, samples: int, seed: Any, lanes: int) -> Any:

@@ -1,9 +1,9 @@
-"""Where query points are in Mitsuba's world: how light sees them, and where their rays leave the shape."""
+"""Where points are in Mitsuba's world: how light sees them, where rays leave the shape, and where they meet it."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -44,6 +44,24 @@ def interaction(mi: Any, surface: Surface, points: Points, spread: Callable[[Arr
         uv = spread(np.pad(points.uv, ((0, 0), (0, 1))))
         si.uv = mi.Point2f(uv.x, uv.y)
     return si
+
+
+def averaged(mi: Any, surface: Surface, si: Any, sampler: Any) -> Any:
+    """Return the interaction as seen from a view drawn anew, its tangent turned, where a surface averages over them."""
+    import drjit as dr
+
+    if not (surface.any_view or surface.any_tangent):
+        return si
+    turned = mi.SurfaceInteraction3f(si)
+    if surface.any_tangent:
+        sine, cosine = dr.sincos(2 * dr.pi * sampler.next_1d())
+        frame = si.sh_frame
+        along = mi.Vector3f(cosine * frame.s + sine * frame.t)
+        turned.sh_frame = mi.Frame3f(along, dr.cross(frame.n, along), frame.n)
+        turned.wi = turned.to_local(si.to_world(si.wi))
+    if surface.any_view:
+        turned.wi = mi.warp.square_to_cosine_hemisphere(sampler.next_2d())
+    return turned
 
 
 @dataclass(frozen=True)
@@ -99,6 +117,41 @@ class Place:
 
         vector = mi.Vector3f(vector)
         return vector if self.rotation is None else mi.Vector3f(*(dr.dot(row, vector) for row in self.rotation))
+
+
+def met(mi: Any, scene: Any, surface: Surface, ray: Any, active: Any) -> Any:
+    """Return the surface that a ray meets first, as `scene.ray_intersect` does.
+
+    That asks whichever shape was met, among all of the process; here it is the occluder. So kernels do not depend
+    on what other shapes there are, and are found again when Dr.Jit has compiled them before.
+    """
+    first = scene.ray_intersect_preliminary(ray, active=active)
+    found = surface.shape.compute_surface_interaction(ray, first, mi.RayFlags.All, active & first.is_valid())
+    found.t = first.t
+    found.initialize_sh_frame()
+    return found
+
+
+def reached(mi: Any, surface: Surface, found: Any, place: Place, direction: Any) -> tuple[Any, Place, Any]:
+    """Return the surface that a ray in `direction` has found, as the light sees it and as rays leave it.
+
+    An open shape is turned to the side that was met; the inside of a closed one is met by no path that counts.
+    """
+    import drjit as dr
+
+    front = dr.dot(found.n, place.at_rest(mi, direction)) < 0
+    active, n, frame = found.is_valid(), found.n, found.sh_frame
+    if surface.closed:
+        active = active & front
+    else:
+        n = dr.select(front, n, -n)
+        frame = mi.Frame3f(frame.s, dr.select(front, frame.t, -frame.t), dr.select(front, frame.n, -frame.n))
+    si = dr.zeros(mi.SurfaceInteraction3f)
+    si.sh_frame = mi.Frame3f(*(place.posed(mi, axis) for axis in (frame.s, frame.t, frame.n)))
+    si.n = mi.Normal3f(place.posed(mi, n))
+    si.wi = si.to_local(-direction)
+    si.uv = found.uv
+    return si, replace(place, position=found.p, geometric=mi.Vector3f(n), normal=mi.Vector3f(frame.n)), active
 
 
 def _at_rest(mesh: TriangleMesh, points: Points) -> tuple[Array, Array, Array]:

@@ -46,9 +46,6 @@ class Scattering(Estimator):
     def _sampler(self, mi: Any, samples: int, seed: Any, lanes: int, kind: int, many: int = 1) -> Any:
         return seeded(mi, SAMPLER, samples, seed, lanes)
 
-    def _each(self, mi: Any, points: int, samples: int) -> int:
-        return samples
-
     @property
     def rays(self) -> int:
         """Paths followed for each sample, whatever rays they take."""

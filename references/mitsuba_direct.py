@@ -26,14 +26,13 @@ from __future__ import annotations
 
 import math
 import time
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from data_gen.mitsuba_estimator import Estimator
 from envbench.directions import Array
-from envbench.geometry import Points
 from envbench.reference import Reference, ReferenceSettings
 from envbench.scene import Scene
 from references import closed_form
@@ -93,64 +92,129 @@ def render(scene: Scene, settings: ReferenceSettings, key: str = "") -> Referenc
     exact = _exact(scene, result)
     if exact is not None:
         return replace(exact, seconds=time.perf_counter() - started)
-    estimator = estimator_for(scene, settings)
-    modulation = 1.0 if scene.points.modulation is None else scene.points.modulation
-    first = FIRST // 4 if settings.variant.startswith("scalar") else FIRST
-    samples = np.full(len(scene.points), first)
-    goal, order, before, rays, looks = _MARGIN * settings.floor, estimator.order, (0, 0.0), 0, 0
-    step, part, known = samples, 0.0, 1.0
-    while True:
-        replicates, cost = _replicates(estimator, scene.points, step, settings, looks)
-        replicates, rays, looks = replicates * modulation, rays + estimator.rays * int(step.sum()), looks + 1
-        if part:
-            more = part ** (2 * order)
-            known += more
-            replicates = result.replicates + more / known * (replicates - result.replicates)
-        result = replace(
-            result,
+    return _sampled(_Sampling(scene, settings, result, estimator_for(scene, settings), started))
+
+
+@dataclass(frozen=True)
+class _Step:
+    """An estimate, and what the next one is planned from.
+
+    Attributes
+    ----------
+    samples : (n,) int
+        A point and replicate, of the rendering afresh that it began with.
+    known : float
+        How many times that rendering's information it holds, topped up.
+    cost : float
+        Seconds that a sample takes.
+    """
+
+    result: Reference
+    samples: NDArray[np.int_]
+    known: float
+    cost: float
+
+    def worth(self, order: float) -> Array:
+        """Return how many samples a point, (n,), would tell as much in one rendering."""
+        return self.samples * self.known ** (1 / (2 * order))
+
+    def lacking(self, order: float, affordable: float) -> float:
+        """Return the least part of its samples that brings it to its floor; 0 where that takes too many."""
+        more = self.known * ((self.result.floor / self.result.target) ** 2 - 1)
+        most = affordable / self.samples.sum()
+        return next((part for part in _PARTS if part ** (2 * order) > _SAFE * more and part <= most), 0.0)
+
+
+@dataclass
+class _Sampling:
+    """The steps of one scene's reference, and what they took together."""
+
+    scene: Scene
+    settings: ReferenceSettings
+    empty: Reference
+    estimator: Estimator
+    started: float
+    steps: int = 0
+    rays: int = 0
+
+    @property
+    def first(self) -> NDArray[np.int_]:
+        """Samples of the first look."""
+        few = self.settings.variant.startswith("scalar")
+        return np.full(len(self.scene.points), FIRST // 4 if few else FIRST)
+
+    def afresh(self, samples: NDArray[np.int_]) -> _Step:
+        """Render with these samples a point."""
+        replicates, cost = self._replicates(samples)
+        return _Step(self._reference(replicates, samples.mean()), samples, 1.0, cost)
+
+    def topped_up(self, step: _Step, part: float, order: float) -> _Step:
+        """Render with a part of a step's samples, everywhere, and join both by what they tell."""
+        samples = (part * step.samples).astype(int)
+        replicates, cost = self._replicates(samples)
+        more = part ** (2 * order)
+        share = more / (step.known + more)
+        joined = step.result.replicates + share * (replicates - step.result.replicates)
+        result = self._reference(joined, step.result.samples + samples.mean())
+        return replace(step, result=result, known=step.known + more, cost=cost)
+
+    def affordable(self, step: _Step) -> float:
+        """Return how many samples, of all points, what is left of the budget pays for."""
+        return 0.9 * (self.settings.budget - step.result.seconds) / step.cost
+
+    def _replicates(self, samples: NDArray[np.int_]) -> tuple[Array, float]:
+        """Return K replicates, (K, n, 3), and the seconds of a sample, without what the first had to compile."""
+        made: list[Array] = []
+        begun = 0.0
+        for seed in np.random.SeedSequence((self.settings.seed, self.steps)).spawn(self.settings.replicates):
+            made.append(self.estimator.replicate(self.scene.points, samples, seed))
+            begun = begun or time.perf_counter()
+        self.steps += 1
+        self.rays += self.estimator.rays * int(samples.sum()) * len(made)
+        modulation = 1.0 if self.scene.points.modulation is None else self.scene.points.modulation
+        return np.stack(made) * modulation, (time.perf_counter() - begun) / (len(made) - 1) / samples.sum()
+
+    def _reference(self, replicates: Array, samples: float) -> Reference:
+        return replace(
+            self.empty,
             replicates=replicates.astype(np.float32).astype(np.float64),
-            samples=round(samples.mean()),
-            seconds=time.perf_counter() - started,
-            visibility_rays=rays * settings.replicates,
+            samples=round(samples),
+            seconds=time.perf_counter() - self.started,
+            visibility_rays=self.rays,
         )
-        if result.floor <= settings.floor:
-            return result
-        if result.rms < _DARK * scene.environment.mean.max():
-            note = f"dark: {result.rms:.1e} RMS under light of mean radiance {scene.environment.mean.max():.2g}"
+
+
+def _sampled(sampling: _Sampling) -> Reference:
+    """Take steps until one reaches the floor, or the budget ends."""
+    settings, light = sampling.settings, sampling.scene.environment.mean.max()
+    first = sampling.first
+    goal, order, before = _MARGIN * settings.floor, sampling.estimator.order, (0.0, 0.0)
+    step = sampling.afresh(first)
+    while step.result.floor > settings.floor:
+        result, affordable = step.result, sampling.affordable(step)
+        if result.rms < _DARK * light:
+            note = f"dark: {result.rms:.1e} RMS under light of mean radiance {light:.2g}"
             return replace(result, notes=(f"{note}; sampled once, whatever the noise",))
-        affordable = 0.9 * (settings.budget - result.seconds) / cost * step.sum() / samples.sum()
-        lacking = known * ((result.floor / settings.floor) ** 2 - 1)
-        enough = (p for p in _PARTS if p ** (2 * order) > _SAFE * lacking and p <= affordable)
-        part = next(enough, 0.0) if before[0] else 0.0
+        part = step.lacking(order, affordable) if before[0] else 0.0
         if part:
-            step = (part * samples).astype(int)
+            step = sampling.topped_up(step, part, order)
             continue
-        if before[0] == first:
-            measured = math.log(before[1] / result.floor) / math.log(result.samples / before[0])
+        worth = step.worth(order)
+        if before[0] == first[0]:
+            measured = math.log(before[1] / result.floor) / math.log(worth.mean() / before[0])
             order = min(max(measured, _RANDOM), 1.0)
         elif before[0]:  # a plan that fell short is not made again, but with a lower goal
             goal *= settings.floor / result.floor
-        planned, floor = _plan(result, samples, order, goal, min(affordable, _GROWTH))
-        if not before[0] and planned.mean() > _FAR * first and affordable > 2 * _SECOND:
-            planned = _SECOND * samples  # a second look, at the same samples everywhere, shows the order
-        before = result.samples, result.floor
+        planned, floor = _plan(result, worth, order, goal, min(affordable, _GROWTH * worth.sum()))
+        if not before[0] and planned.mean() > _FAR * first[0] and affordable > 2 * _SECOND * first.sum():
+            planned = _SECOND * first  # a second look, at the same samples everywhere, shows the order
         if floor > settings.floor and floor > 0.9 * result.floor:
-            end = f"{_MOST} samples a point" if samples.max() == _MOST else f"the budget of {settings.budget:g} s"
+            end = f"{_MOST} samples a point" if planned.max() == _MOST else f"the budget of {settings.budget:g} s"
             note = f"noise floor {result.floor:.1e} instead of {settings.floor:.1e}: {end} came first"
             return replace(result, notes=(note,))
-        step, samples, known = planned, planned, 1.0
-
-
-def _replicates(
-    estimator: Estimator, points: Points, samples: NDArray[np.int_], settings: ReferenceSettings, step: int
-) -> tuple[Array, float]:
-    """Return K replicates, (K, n, 3), and the seconds that they would take without what the first had to compile."""
-    made: list[Array] = []
-    started = 0.0
-    for seed in np.random.SeedSequence((settings.seed, step, int(samples.sum()))).spawn(settings.replicates):
-        made.append(estimator.replicate(points, samples, seed))
-        started = started or time.perf_counter()
-    return np.stack(made), (time.perf_counter() - started) * len(made) / (len(made) - 1)
+        before = worth.mean(), result.floor
+        step = sampling.afresh(planned)
+    return step.result
 
 
 def _exact(scene: Scene, empty: Reference) -> Reference | None:
@@ -169,21 +233,21 @@ def _exact(scene: Scene, empty: Reference) -> Reference | None:
 
 
 def _plan(
-    measured: Reference, samples: NDArray[np.int_], order: float, goal: float, growth: float
+    measured: Reference, samples: Array, order: float, goal: float, most: float
 ) -> tuple[NDArray[np.int_], float]:
     """Return the samples a point, (n,) powers of two, that reach `goal` at the least cost, and the floor expected.
 
     With a noise of q_i N_i^-p at point i, p the `order`, weighed w_i, the sum of w_i q_i^2 N_i^-2p for a given sum of
-    N_i is least at N_i ~ (w_i q_i^2)^(1 / (2 p + 1)). There are at most `growth` times the `samples` measured with.
+    N_i is least at N_i ~ (w_i q_i^2)^(1 / (2 p + 1)). They are `most` in all; the noise was measured with `samples`.
     """
     power = (measured.standard_error**2).mean(-1) * measured.weight / measured.weight.sum()
     constant = power * samples ** (2 * order)
     share = np.maximum(constant, 1e-4 * constant.max()) ** (1 / (2 * order + 1))
-    best = samples, measured.floor
+    best = samples.astype(int), measured.floor
     for scale in np.geomspace(1, _MOST, 16 * round(math.log2(_MOST))) / share.max():
         exponents = np.clip(np.round(np.log2(scale * share)), 4, math.log2(_MOST))
         planned = 2 ** exponents.astype(int)
-        if planned.sum() > growth * samples.sum():
+        if planned.sum() > most:
             break
         best = planned, float(np.sqrt((constant / planned ** (2 * order)).sum())) / (measured.rms or 1.0)
         if best[1] <= goal:
