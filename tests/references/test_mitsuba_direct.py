@@ -21,10 +21,10 @@ from envbench.environment import Environment
 from envbench.errors import BadInput
 from envbench.geometry import Geometry, Points, TriangleMesh
 from envbench.material import Lobe, Material
-from envbench.reference import ReferenceSettings
+from envbench.reference import Reference, ReferenceSettings
 from envbench.scene import FREE, Effect, Scene
 from references.estimators import estimator_for
-from references.mitsuba_direct import render
+from references.mitsuba_direct import _Sampling, _Step, render
 from references.quadrature import integrate
 
 MakeScene = Callable[..., Scene]
@@ -155,6 +155,40 @@ def test_samples_grow_until_the_floor_is_reached(mi: ModuleType, make_scene: Mak
     assert not np.array_equal(render(scene, ReferenceSettings(floor=0.5, seed=1)).replicates, coarse.replicates)
 
 
+def test_a_step_that_falls_short_is_topped_up(mi: ModuleType, make_scene: MakeScene, lit: Environment) -> None:
+    """By samples that count: joined by what each tells, both are less noisy than the first, and unbiased."""
+    scene, settings = make_scene(lit, Lambertian(), Phong(exponent=20, clipped=False), count=300), ReferenceSettings()
+    empty = Reference(np.zeros((K, 300, 3)), scene.points.weight, 0, 0.0, "", settings.floor)
+    sampling = _Sampling(scene, settings, empty, estimator_for(scene, settings), 0.0)
+    step = sampling.afresh(np.full(300, 64))
+    order = 0.75
+    more = sampling.topped_up(step, 0.5, order)
+    twice = sampling.topped_up(more, 0.5, order)
+    assert [s.result.samples for s in (step, more, twice)] == [64, 96, 128]
+    assert twice.known == pytest.approx(1 + 2 * 0.5 ** (2 * order))
+    assert 64 < more.worth(order).mean() < twice.worth(order).mean() < 128
+    for topped in (more, twice):
+        expected = step.result.floor / np.sqrt(topped.known)
+        assert topped.result.floor == pytest.approx(expected, rel=0.15)
+        error = (topped.result.mean - integrate(scene)).mean()
+        means = topped.result.replicates.mean((1, 2))
+        assert abs(error) < stats.t.ppf(0.9995, K - 1) * means.std(ddof=1) / np.sqrt(K)
+
+
+def test_what_is_lacking_is_the_least_part_that_does(mi: ModuleType, make_scene: MakeScene, lit: Environment) -> None:
+    made = render(make_scene(lit, Phong(exponent=20), count=10), ReferenceSettings(floor=0.5))
+
+    def lacking(short: float, affordable: float = np.inf, known: float = 1.0) -> float:
+        result = replace(made, target=made.floor / short)
+        return _Step(result, np.full(10, 64), known, 1e-6).lacking(0.5, affordable)
+
+    assert lacking(1.01) == 0.125
+    assert lacking(1.2) == 0.5
+    assert lacking(1.2, known=2.0) == 1.0
+    assert lacking(2.0) == 0.0  # better planned anew
+    assert lacking(1.2, affordable=0.4 * 640) == 0.0
+
+
 @dataclass(frozen=True, kw_only=True)
 class SaysWide(Phong):
     """A lobe with a wide cone, as a table has whose sharp peak stands on a broad floor."""
@@ -221,9 +255,13 @@ def restored(mi: ModuleType) -> Iterator[None]:
 
 
 @pytest.mark.usefixtures("restored")
-def test_scalar_variant(make_scene: MakeScene, lit: Environment) -> None:
+@pytest.mark.parametrize("samples", [32, 64])
+def test_scalar_variant(
+    make_scene: MakeScene, lit: Environment, samples: int, capfd: pytest.CaptureFixture[str]
+) -> None:
     scene = make_scene(lit, Microfacet(sigma=0.3), count=4)
-    means = replicates(scene, 64, variant="scalar_rgb").mean((1, 2))
+    means = replicates(scene, samples, variant="scalar_rgb").mean((1, 2))
+    assert "".join(capfd.readouterr()) == ""
     margin = stats.t.ppf(0.9995, K - 1) * means.std(ddof=1) / np.sqrt(K)
     assert means.mean() == pytest.approx(integrate(scene).mean(), abs=margin)
 

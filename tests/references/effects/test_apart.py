@@ -110,3 +110,36 @@ def test_kernels_know_no_other_shapes(mi: ModuleType, sharp: Environment) -> Non
 
     kept: list[Surface] = []
     assert kernel(1.5) == kernel(1.5) == kernel(3.0)
+
+
+@pytest.mark.parametrize("bounces", [0, BOUNCES])
+def test_kernels_know_neither_points_nor_samples(mi: ModuleType, sharp: Environment, bounces: int) -> None:
+    """One serves all steps of a reference: many points, or a single one, with any number of samples."""
+    import drjit as dr
+
+    surface = Surface(Material("test", (GGX(roughness=0.5),)), corner(), bounces=bounces)
+    estimator = Estimator(surface, sharp)
+    with dr.scoped_set_flag(dr.JitFlag.KernelHistory, True):
+        dr.kernel_history_clear()
+        for samples in (np.full(12, 64), np.array([128, *[32] * 5, *[512] * 6])):
+            estimator.replicate(floor(), samples, seed())
+        kernels = [k for k in dr.kernel_history([dr.KernelType.JIT]) if k["operation_count"] > 100]
+    assert len(kernels) == 4
+    assert len({str(k["hash"]) for k in kernels}) == 1
+
+
+def test_paths_that_take_turns_are_the_same(
+    mi: ModuleType, sharp: Environment, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """However many lanes there are: all samples of a point on one, or each on its own."""
+    surface = Surface(Material("test", (Lambertian(reflectance=(0.7, 0.6, 0.5)),)), corner(), bounces=BOUNCES)
+
+    def by_bounce(lanes: int, *, any_view: bool) -> np.ndarray:
+        monkeypatch.setattr("data_gen.mitsuba_estimator.in_flight", lambda mi: lanes)
+        return Estimator(replace(surface, any_view=any_view), sharp).by_bounce(floor(), SAMPLES, seed())
+
+    for any_view in (False, True):
+        apart = by_bounce(12 * SAMPLES, any_view=any_view)
+        assert (apart[:, :, 0].mean(1) > 0).all()
+        for lanes in (12, 12 * 8):
+            np.testing.assert_allclose(by_bounce(lanes, any_view=any_view), apart, rtol=1e-5, atol=1e-7)
